@@ -1,0 +1,364 @@
+"""The machine description: frozen dataclasses that mirror the YAML, key by key."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import yaml
+
+from escalator_twin.errors import MachineError
+from escalator_twin.schema import build
+from escalator_twin.signals import Experiment
+
+SCHEMA = 'escalator_twin/machine/1'
+DIRECTIONS = {'up': 1, 'down': -1}
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Two closed chains of long links, joined by axles."""
+
+    n_links: int
+    pitch_m: float
+    track_gauge_m: float
+    mass_per_pitch_kg: float
+    link_stiffness_n_m: float
+    link_damping_n_s_m: float
+    racking_stiffness_n_m: float
+    racking_damping_n_s_m: float
+
+
+@dataclass(frozen=True)
+class Roller:
+    """One roller on its two-sided channel."""
+
+    diameter_m: float
+    contact_stiffness_n_m: float
+    contact_damping_n_s_m: float
+    rolling_resistance: float
+    creep_speed_m_s: float
+    viscous_drag_n_s_m: float
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Roller-centre path of the closed guide and its as-built deviation."""
+
+    rise_m: float
+    inclination_deg: float
+    lower_landing_m: float
+    lower_transition_radius_m: float
+    upper_transition_radius_m: float
+    upper_landing_m: float
+    turnaround_radius_m: float
+    channel_clearance_m: float
+    landing_tol_m: float = 0.0
+    survey_file: str | None = None
+    survey_error_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Linear drive: a rack whose dogs, one pitch apart, carry the axles along a stretch."""
+
+    kind: str
+    start_m: float
+    length_m: float
+    ramp_m: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+    speed_error: float = 0.07
+    speed_wander: float = 0.0
+
+
+@dataclass(frozen=True)
+class Tensioner:
+    """The lower turnaround: a carriage on a spring, sliding horizontally."""
+
+    mass_kg: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+    dry_friction_n: float = 0.0
+    preload_tol: float = 0.0
+
+
+@dataclass(frozen=True)
+class Load:
+    """Counterweights on the passenger run: weight only, no inertia."""
+
+    from_m: float
+    to_m: float
+    ramp_m: float
+    tol: float = 0.0
+
+
+@dataclass(frozen=True)
+class Lateral:
+    """Lateral guidance of an axle."""
+
+    stiffness_n_m: float
+    damping_n_s_m: float
+
+
+@dataclass(frozen=True)
+class DefaultExperiment:
+    """What a simulation runs where its case leaves something open."""
+
+    speed_m_s: float
+    direction: str
+    load_kg: float
+    preload_n: float
+
+
+@dataclass(frozen=True)
+class Logger:
+    """A clock: largest offset and drift against the recorder's."""
+
+    offset_s: float
+    drift_ppm: float
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """What stamps all messages with one clock."""
+
+    latency_s: float
+
+
+@dataclass(frozen=True)
+class ExperimentTopic:
+    """Where a recording tells its settings."""
+
+    topic: str
+    type: str
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One channel: what it is in the model and where it is in a bag.
+
+    The channel's value in SI is ``sign * scale * mean(fields) + offset``.
+    """
+
+    instrument: str
+    name: str
+    quantity: str
+    at: dict[str, object]
+    unit: str
+    topic: str
+    type: str
+    fields: tuple[str, ...]
+    rate_hz: float
+    logger: str = ''
+    labels: dict[str, object] = field(default_factory=dict)
+    scale: float = 1.0
+    sign: float = 1.0
+    offset: float = 0.0
+    noise: float = 0.0
+    resolution: float = 0.0
+    zero: float = 0.0
+    gain_tol: float = 0.0
+    thermal_drift: float = 0.0
+    rotation_tol_deg: float = 0.0
+    bending: tuple[float, ...] = ()
+
+    @property
+    def channel(self) -> str:
+        """Name of the channel, ``<instrument>/<quantity>``."""
+        return f'{self.instrument}/{self.name}'
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """All sensors, and the clocks that stamp them."""
+
+    loggers: dict[str, Logger]
+    recorder: Recorder
+    sensors: tuple[Sensor, ...]
+    experiment: ExperimentTopic | None = None
+    simulated_only: tuple[Sensor, ...] = ()
+    measured_namespace: str = '/measured'
+    simulated_namespace: str = '/simulated'
+
+    def sensor(self, channel: str) -> Sensor:
+        """Return the sensor of ``channel``; a MachineError names those that exist."""
+        for sensor in self.sensors + self.simulated_only:
+            if sensor.channel == channel:
+                return sensor
+        known = ', '.join(s.channel for s in self.sensors)
+        raise MachineError(f'channel {channel!r}: unknown; expected one of {known}')
+
+    def measured_topic(self, topic: str) -> str:
+        """Return the topic of a recording that the description names ``topic``."""
+        return topic if topic.startswith('/') else f'{self.measured_namespace}/{topic}'
+
+    def simulated_topic(self, topic: str) -> str:
+        """Return the topic on which the twin publishes what a recording has on ``topic``."""
+        return f'{self.simulated_namespace}/{topic.lstrip("/")}'
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A cause of contracts.md at a place and of a size, as part of a machine."""
+
+    cause: str
+    parameters: dict[str, object]
+    location: dict[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """One machine: mechanics, instruments and known deviations.
+
+    ``source`` is the file, ``tolerances`` maps the key path of every ``{value, tol}`` to its
+    relative standard deviation; neither is a key of the file.
+    """
+
+    schema: str
+    name: str
+    physics: str
+    chain: Chain
+    roller: Roller
+    guide: Guide
+    drive: Drive
+    tensioner: Tensioner
+    load: Load
+    lateral: Lateral
+    gravity_m_s2: float
+    experiment: DefaultExperiment
+    instruments: Instruments
+    deviations: tuple[Deviation, ...] = ()
+    source: Path | None = None
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+
+    def default_experiment(self) -> Experiment:
+        """Return what a simulation runs where its case leaves something open."""
+        given = self.experiment
+        return Experiment(
+            given.speed_m_s,
+            DIRECTIONS[given.direction],
+            (given.load_kg,),
+            given.preload_n,
+            machine=self.name,
+        )
+
+
+PHYSICS: dict[str, type[Machine]] = {'linked_chain': Machine}
+DRIVE_KINDS = ('linear',)
+POSITIVE = (
+    ('chain', 'pitch_m'),
+    ('chain', 'mass_per_pitch_kg'),
+    ('chain', 'link_stiffness_n_m'),
+    ('roller', 'contact_stiffness_n_m'),
+    ('roller', 'creep_speed_m_s'),
+    ('guide', 'turnaround_radius_m'),
+    ('drive', 'length_m'),
+    ('drive', 'stiffness_n_m'),
+    ('tensioner', 'mass_kg'),
+    ('tensioner', 'stiffness_n_m'),
+    ('lateral', 'stiffness_n_m'),
+)
+
+
+def load_machine(path: str | Path) -> Machine:
+    """Read a machine description.
+
+    A file may hold ``extends: other.yaml`` (beside it): then it gives only what differs;
+    mappings are merged key by key, lists replaced.
+
+    Raises
+    ------
+    MachineError
+        Where the file cannot be read or a key is unknown, missing or of the wrong type.
+    """
+    path = Path(path)
+    data = _read(path, ())
+    found = data.get('schema')
+    if found != SCHEMA:
+        raise MachineError(f'{path}: schema: expected {SCHEMA!r}, found {found!r}')
+    physics = data.get('physics')
+    if physics not in PHYSICS:
+        raise MachineError(
+            f'{path}: physics: expected one of {", ".join(PHYSICS)}, found {physics!r}'
+        )
+    tolerances: dict[str, float] = {}
+    machine = build(PHYSICS[physics], data, str(path), tolerances)
+    prefix = len(str(path)) + 1
+    machine = replace(
+        machine, source=path, tolerances={key[prefix:]: s for key, s in tolerances.items()}
+    )
+    _check(machine)
+    return machine
+
+
+def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, object]:
+    """Read one YAML file and what it extends, the nearer file winning."""
+    try:
+        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError) as error:
+        raise MachineError(f'{path}: cannot be read: {error}') from error
+    except yaml.YAMLError as error:
+        raise MachineError(f'{path}: not YAML: {" ".join(str(error).split())}') from error
+    if not isinstance(data, dict):
+        raise MachineError(f'{path}: expected a mapping, found {type(data).__name__}')
+    for key in sorted({'source', 'tolerances'} & set(data)):
+        raise MachineError(f'{path}.{key}: unknown key')
+    if 'extends' not in data:
+        return data
+    base = path.parent / str(data.pop('extends'))
+    if base in seen:
+        raise MachineError(f'{path}: extends: circle through {base}')
+    merged = _read(base, (*seen, base))
+    # a survey named by the base lies beside the base
+    guide = merged.get('guide')
+    if isinstance(guide, dict) and guide.get('survey_file'):
+        guide['survey_file'] = str((base.parent / str(guide['survey_file'])).resolve())
+    return _merge(merged, data)
+
+
+def _merge(base: dict, change: dict) -> dict:
+    """Return ``base`` with ``change`` laid over it."""
+    merged = dict(base)
+    for key, value in change.items():
+        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+            merged[key] = _merge(merged[key], value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _check(machine: Machine) -> None:
+    """Raise a MachineError where numbers contradict each other."""
+    where = machine.source
+    chain = machine.chain
+    if chain.n_links < 4:
+        raise MachineError(f'{where}.chain.n_links: expected at least 4, found {chain.n_links}')
+    for group, key in POSITIVE:
+        value = getattr(getattr(machine, group), key)
+        if not value > 0.0:
+            raise MachineError(f'{where}.{group}.{key}: expected > 0, found {value!r}')
+    if machine.drive.kind not in DRIVE_KINDS:
+        raise MachineError(
+            f'{where}.drive.kind: expected one of {", ".join(DRIVE_KINDS)}, '
+            f'found {machine.drive.kind!r}'
+        )
+    if machine.experiment.direction not in DIRECTIONS:
+        raise MachineError(
+            f'{where}.experiment.direction: expected up or down, '
+            f'found {machine.experiment.direction!r}'
+        )
+    channels = [s.channel for s in machine.instruments.sensors]
+    for channel in channels:
+        if channels.count(channel) > 1:
+            raise MachineError(f'{where}.instruments.sensors: {channel!r} is there twice')
+    for sensor in machine.instruments.sensors:
+        if sensor.logger not in machine.instruments.loggers:
+            raise MachineError(
+                f'{where}.instruments.sensors: {sensor.channel}: logger: expected one of '
+                f'{", ".join(machine.instruments.loggers)}, found {sensor.logger!r}'
+            )
+        if not sensor.rate_hz > 0.0 or sensor.scale == 0.0 or not sensor.fields:
+            raise MachineError(
+                f'{where}.instruments.sensors: {sensor.channel}: expected rate_hz > 0, '
+                f'scale not 0 and at least one field'
+            )
