@@ -1,0 +1,49 @@
+# Every target builds what it needs first; what is up to date is not built again.
+# PYTHON=python3.12 make setup   picks the interpreter (3.11, 3.12 or 3.13).
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.ONESHELL:
+.DEFAULT_GOAL := setup
+.PHONY: setup demo test bench bench-deps lint lock clean
+
+PYTEST_ARGS ?=
+
+setup:
+	@tools/setup.sh
+
+demo: setup
+	@if [[ ! -x tools/demo.sh ]]; then echo 'demo: tools/demo.sh is not there' >&2; exit 1; fi
+	. tools/env.sh
+	exec tools/demo.sh
+
+# Plugins that a sourced ROS offers to pytest stay out: only the ones named here are loaded.
+test: setup
+	@. tools/env.sh
+	export PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
+	exec .venv/bin/python -m pytest -p pytest_timeout --timeout=600 tests $(PYTEST_ARGS)
+
+bench: setup
+	@. tools/env.sh
+	exec .venv/bin/python -m benchmarks
+
+# Another multibody program, for comparisons only.
+bench-deps: setup
+	@minor="$$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')"
+	.venv/bin/uv pip install --python .venv/bin/python --require-hashes \
+	    -r "requirements/bench-py$$minor.txt"
+
+lint: setup
+	@status=0
+	.venv/bin/ruff check . || status=1
+	.venv/bin/ruff format --check . || status=1
+	.venv/bin/mypy || status=1
+	exit $$status
+
+lock:
+	@tools/lock.sh
+
+clean:
+	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './.git/*' -prune -exec rm -rf {} +

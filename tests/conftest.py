@@ -1,0 +1,77 @@
+"""What every test run needs: markers, the tests that cannot run here, and a ROS domain of its own."""
+
+import fcntl
+import importlib.util
+import os
+from pathlib import Path
+import random
+import tempfile
+from typing import TextIO
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]  # resolves the link through which colcon comes
+SHARED = ROOT.parent / 'shared'
+
+MARKERS = (
+    'shared: needs the shared recordings and data sheets beside the checkout',
+    'slow: takes more than ten seconds',
+    'ros: needs rclpy and the built workspace, sourced',
+    'issue(n): guards against the return of issue n',
+)
+
+# Above 101, the ports of a domain fall into the range from which Linux serves others.
+DOMAINS = range(1, 102)
+
+
+def claim_domain() -> TextIO:
+    """Claim a ROS domain that no other test run on this machine has; closing the file frees it."""
+    domains = list(DOMAINS)
+    random.SystemRandom().shuffle(domains)
+    for domain in domains:
+        path = Path(tempfile.gettempdir()) / f'escalator_twin_ros_domain_{domain}.lock'
+        try:
+            lock = path.open('a', encoding='utf-8')
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            continue
+        os.environ['ROS_DOMAIN_ID'] = str(domain)
+        return lock
+    raise pytest.UsageError(f'all ROS domains {DOMAINS[0]} to {DOMAINS[-1]} are taken')
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for marker in MARKERS:
+        config.addinivalue_line('markers', marker)
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    config.add_cleanup(claim_domain().close)
+
+
+def has_module(name: str) -> bool:
+    return importlib.util.find_spec(name) is not None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    reasons = {}
+    if not SHARED.is_dir():
+        reasons['shared'] = 'no ../shared beside the checkout'
+    if not (has_module('rclpy') and has_module('escalator_msgs')):
+        reasons['ros'] = 'rclpy or escalator_msgs is not there: run make test, or source the workspace'
+    for item in items:
+        for marker, reason in reasons.items():
+            if item.get_closest_marker(marker):
+                item.add_marker(pytest.mark.skip(reason=reason))
+
+
+@pytest.fixture(scope='session')
+def root() -> Path:
+    """Return the folder of the checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope='session')
+def shared() -> Path:
+    """Return the folder with the shared recordings; a test that uses it is marked ``shared``."""
+    if not SHARED.is_dir():
+        pytest.skip('no ../shared beside the checkout')
+    return SHARED

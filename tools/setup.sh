@@ -1,0 +1,130 @@
+#!/usr/bin/env bash
+# Build everything in the checkout: the virtual environment .venv (ROS 2 Jazzy and all else, from
+# locked wheels), then the colcon workspace in ros2_ws. What is up to date is not built again.
+#
+# PYTHON=/path/to/python3.12 picks the interpreter (3.11, 3.12 or 3.13).
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+root="$PWD"
+venv="$root/.venv"
+
+say() { echo "setup: $*"; }
+die() { printf 'setup: %s\n' "$@" >&2; exit 1; }
+
+# A ROS that is sourced here belongs to another interpreter: this build does not look at it.
+unset PYTHONPATH PYTHONHOME CMAKE_PREFIX_PATH COLCON_PREFIX_PATH AMENT_PREFIX_PATH
+unset LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE VIRTUAL_ENV CONDA_PREFIX
+
+# --- what has to be there ------------------------------------------------------------------------
+
+# Print "3.12" where $1 is a usable interpreter: right version, venv, pip and headers.
+python_minor() {
+    "$1" -c '
+import ensurepip, os, sys, sysconfig, venv
+ok = (3, 11) <= sys.version_info[:2] <= (3, 13) and sys.implementation.name == "cpython"
+ok = ok and os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h"))
+print(*sys.version_info[:2], sep=".") if ok else sys.exit(1)' 2>/dev/null
+}
+
+find_python() {
+    local candidate
+    for candidate in ${PYTHON:-python3.12 python3.11 python3.13 python3 /usr/bin/python3}; do
+        if minor="$(python_minor "$candidate")"; then
+            python="$candidate"
+            return 0
+        fi
+    done
+    return 1
+}
+
+missing=()
+[[ "$root" != *[[:space:]]* ]] || missing+=("the path of this checkout must not contain spaces: '$root'")
+[[ "$(uname -sm)" == 'Linux x86_64' ]] \
+    || missing+=("the ROS 2 wheels exist for Linux x86_64 only, this is $(uname -sm)")
+find_python || missing+=(
+    "no usable Python${PYTHON:+ at PYTHON=$PYTHON}: need CPython 3.11, 3.12 or 3.13 with venv and headers (Debian, Ubuntu: apt install python3-venv python3-dev)")
+command -v cmake >/dev/null || missing+=('no cmake: need 3.16 or later (apt install cmake)')
+command -v make >/dev/null || missing+=('no make (apt install make)')
+command -v "${CC:-cc}" >/dev/null || missing+=('no C compiler (apt install gcc)')
+command -v "${CXX:-c++}" >/dev/null || missing+=('no C++ compiler (apt install g++)')
+[[ ${#missing[@]} -eq 0 ]] || die "${missing[@]}"
+
+# --- virtual environment -------------------------------------------------------------------------
+
+lock="requirements/lock-py${minor/./}.txt"
+base="$("$python" -c 'import sys; print(sys.base_prefix, sys.version)' | tr '\n' ' ')"
+venv_wanted="$(cat <(echo "$root" "$base") "$lock" tools/fix_ros_wheels.py tools/setup.sh | sha256sum)"
+
+install_packages() {
+    # The lock's own uv first: it installs the rest in a tenth of pip's time.
+    local uv_lines
+    uv_lines="$(mktemp)"
+    awk '/^[a-z0-9]/ { wanted = /^uv==/ } wanted' "$lock" >"$uv_lines"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes \
+        -r "$uv_lines" || { rm -f "$uv_lines"; die "pip could not install uv (see above)"; }
+    rm -f "$uv_lines"
+    # pip knows addresses and proxies that uv may not have been told of.
+    "$venv/bin/uv" pip sync --quiet --python "$venv/bin/python" --require-hashes "$lock" \
+        || "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+            --require-hashes -r "$lock" \
+        || die "the packages of $lock could not be installed (see above)"
+}
+
+# The source tree itself is imported, and the command works without anything being sourced.
+link_source_tree() {
+    local site
+    site="$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')"
+    echo "$root/escalator_twin" >"$site/escalator_twin_source.pth"
+    cat >"$venv/bin/escalator-twin" <<SCRIPT
+#!$venv/bin/python
+import sys
+
+from escalator_twin.cli.main import main
+
+if __name__ == '__main__':
+    sys.exit(main())
+SCRIPT
+    chmod +x "$venv/bin/escalator-twin"
+}
+
+if [[ "$(cat "$venv/.stamp" 2>/dev/null)" != "$venv_wanted" ]]; then
+    say "virtual environment .venv with Python $minor, $(grep -c '==' "$lock") packages"
+    rm -f "$venv/.stamp"
+    if [[ "$(cat "$venv/.base" 2>/dev/null)" != "$root $base" ]]; then
+        rm -rf "$venv" ros2_ws/build ros2_ws/install ros2_ws/log
+        "$python" -m venv "$venv"
+        echo "$root $base" >"$venv/.base"
+    fi
+    install_packages
+    "$venv/bin/python" tools/fix_ros_wheels.py
+    link_source_tree
+    echo "$venv_wanted" >"$venv/.stamp"
+fi
+
+# --- workspace -----------------------------------------------------------------------------------
+
+# Python sources are linked, not copied: only what colcon generates or lists calls for a build.
+workspace_state() {
+    echo "$venv_wanted"
+    find escalator_msgs -type f -print0 | sort -z | xargs -0 sha256sum
+    sha256sum escalator_twin/package.xml escalator_twin/setup.py escalator_twin/setup.cfg
+    find -L escalator_twin/launch escalator_twin/config escalator_twin/resource -type f | sort
+    find escalator_twin/escalator_twin -name __pycache__ -prune -o -type f -print | sort
+}
+workspace_wanted="$(workspace_state | sha256sum)"
+stamp=ros2_ws/install/.stamp
+
+if [[ "$(cat "$stamp" 2>/dev/null)" != "$workspace_wanted" ]]; then
+    say 'colcon workspace ros2_ws'
+    rm -f "$stamp"
+    (
+        export VIRTUAL_ENV="$venv" PATH="$venv/bin:$PATH" AMENT_PREFIX_PATH="$venv"
+        export PYTHONWARNINGS="ignore${PYTHONWARNINGS:+,$PYTHONWARNINGS}"
+        cd ros2_ws
+        colcon --log-level error build --symlink-install --base-paths src \
+            --event-handlers console_stderr- console_cohesion- desktop_notification- \
+            --cmake-args -DPython3_EXECUTABLE="$venv/bin/python" -DBUILD_TESTING=OFF \
+            || die "colcon build failed: see $root/ros2_ws/log/latest_build"
+    )
+    echo "$workspace_wanted" >"$stamp"
+fi
