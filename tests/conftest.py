@@ -56,7 +56,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if not SHARED.is_dir():
         reasons['shared'] = 'no ../shared beside the checkout'
     if not (has_module('rclpy') and has_module('escalator_msgs')):
-        reasons['ros'] = 'rclpy or escalator_msgs is not there: run make test, or source the workspace'
+        reasons['ros'] = (
+            'rclpy or escalator_msgs is not there: run make test, or source the workspace'
+        )
     for item in items:
         for marker, reason in reasons.items():
             if item.get_closest_marker(marker):

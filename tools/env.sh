@@ -9,5 +9,10 @@ export PATH="$VIRTUAL_ENV/bin:$PATH"
 export AMENT_PREFIX_PATH="$VIRTUAL_ENV"
 export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
 export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+
+# colcon's own script does not run under set -u
+case $- in *u*) _escalator_nounset=-u ;; *) _escalator_nounset=+u ;; esac
+set +u
 . "$_escalator_root/ros2_ws/install/local_setup.bash"
-unset _escalator_root
+set "$_escalator_nounset"
+unset _escalator_root _escalator_nounset

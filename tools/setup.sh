@@ -52,21 +52,20 @@ command -v "${CXX:-c++}" >/dev/null || missing+=('no C++ compiler (apt install g
 # --- virtual environment -------------------------------------------------------------------------
 
 lock="requirements/lock-py${minor/./}.txt"
-base="$("$python" -c 'import sys; print(sys.base_prefix, sys.version)' | tr '\n' ' ')"
-venv_wanted="$(cat <(echo "$root" "$base") "$lock" tools/fix_ros_wheels.py tools/setup.sh | sha256sum)"
+origin="$root $("$python" -c 'import sys; print(sys.base_prefix, *sys.version_info)')"
 
 install_packages() {
+    rm -rf "$venv"
+    "$python" -m venv "$venv"
     # The lock's own uv first: it installs the rest in a tenth of pip's time.
-    local uv_lines
-    uv_lines="$(mktemp)"
-    awk '/^[a-z0-9]/ { wanted = /^uv==/ } wanted' "$lock" >"$uv_lines"
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes \
-        -r "$uv_lines" || { rm -f "$uv_lines"; die "pip could not install uv (see above)"; }
-    rm -f "$uv_lines"
-    # pip knows addresses and proxies that uv may not have been told of.
-    "$venv/bin/uv" pip sync --quiet --python "$venv/bin/python" --require-hashes "$lock" \
-        || "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-            --require-hashes -r "$lock" \
+    awk '/^[a-z0-9]/ { wanted = /^uv==/ } wanted' "$lock" >"$venv/uv.txt"
+    local options=(--quiet --require-hashes)
+    local pip=("$venv/bin/python" -m pip --disable-pip-version-check install "${options[@]}")
+    "${pip[@]}" -r "$venv/uv.txt" || die 'pip could not install uv (see above)'
+    # Not "uv pip sync": the ROS wheels carry metadata of their parts, which it takes for strangers
+    # and removes. Where uv cannot reach an index, pip may know a mirror or a proxy.
+    "$venv/bin/uv" pip install --python "$venv/bin/python" "${options[@]}" -r "$lock" \
+        || "${pip[@]}" -r "$lock" \
         || die "the packages of $lock could not be installed (see above)"
 }
 
@@ -87,29 +86,29 @@ SCRIPT
     chmod +x "$venv/bin/escalator-twin"
 }
 
-if [[ "$(cat "$venv/.stamp" 2>/dev/null)" != "$venv_wanted" ]]; then
-    say "virtual environment .venv with Python $minor, $(grep -c '==' "$lock") packages"
-    rm -f "$venv/.stamp"
-    if [[ "$(cat "$venv/.base" 2>/dev/null)" != "$root $base" ]]; then
-        rm -rf "$venv" ros2_ws/build ros2_ws/install ros2_ws/log
-        "$python" -m venv "$venv"
-        echo "$root $base" >"$venv/.base"
-    fi
+packages_wanted="$( (echo "$origin"; cat "$lock") | sha256sum)"
+if [[ "$(cat "$venv/.packages" 2>/dev/null)" != "$packages_wanted" ]]; then
+    say "virtual environment .venv with Python $minor, $(grep -c '^[a-z0-9].*==' "$lock") packages"
     install_packages
+    echo "$packages_wanted" >"$venv/.packages"
+    rm -rf ros2_ws/build ros2_ws/install ros2_ws/log
+fi
+
+finish_wanted="$( (declare -f link_source_tree; cat tools/fix_ros_wheels.py) | sha256sum)"
+if [[ "$(cat "$venv/.finish" 2>/dev/null)" != "$finish_wanted" ]]; then
     "$venv/bin/python" tools/fix_ros_wheels.py
     link_source_tree
-    echo "$venv_wanted" >"$venv/.stamp"
+    echo "$finish_wanted" >"$venv/.finish"
 fi
 
 # --- workspace -----------------------------------------------------------------------------------
 
 # Python sources are linked, not copied: only what colcon generates or lists calls for a build.
 workspace_state() {
-    echo "$venv_wanted"
+    echo "$packages_wanted"
     find escalator_msgs -type f -print0 | sort -z | xargs -0 sha256sum
     sha256sum escalator_twin/package.xml escalator_twin/setup.py escalator_twin/setup.cfg
     find -L escalator_twin/launch escalator_twin/config escalator_twin/resource -type f | sort
-    find escalator_twin/escalator_twin -name __pycache__ -prune -o -type f -print | sort
 }
 workspace_wanted="$(workspace_state | sha256sum)"
 stamp=ros2_ws/install/.stamp
@@ -119,7 +118,9 @@ if [[ "$(cat "$stamp" 2>/dev/null)" != "$workspace_wanted" ]]; then
     rm -f "$stamp"
     (
         export VIRTUAL_ENV="$venv" PATH="$venv/bin:$PATH" AMENT_PREFIX_PATH="$venv"
-        export PYTHONWARNINGS="ignore${PYTHONWARNINGS:+,$PYTHONWARNINGS}"
+        export PYTHONWARNINGS=ignore
+        # colcon's own choice also waits while the machine is busy with something else
+        export MAKEFLAGS="-j$(nproc)"
         cd ros2_ws
         colcon --log-level error build --symlink-install --base-paths src \
             --event-handlers console_stderr- console_cohesion- desktop_notification- \
