@@ -49,6 +49,10 @@ command -v "${CC:-cc}" >/dev/null || missing+=('no C compiler (apt install gcc)'
 command -v "${CXX:-c++}" >/dev/null || missing+=('no C++ compiler (apt install g++)')
 [[ ${#missing[@]} -eq 0 ]] || die "${missing[@]}"
 
+# Two builds of one checkout at the same time would spoil each other.
+exec 9>ros2_ws/.setup.lock
+flock 9
+
 # --- virtual environment -------------------------------------------------------------------------
 
 lock="requirements/lock-py${minor/./}.txt"
@@ -108,7 +112,7 @@ workspace_state() {
     echo "$packages_wanted"
     find escalator_msgs -type f -print0 | sort -z | xargs -0 sha256sum
     sha256sum escalator_twin/package.xml escalator_twin/setup.py escalator_twin/setup.cfg
-    find -L escalator_twin/launch escalator_twin/config escalator_twin/resource -type f | sort
+    find -L escalator_twin/launch escalator_twin/config escalator_twin/resource -type f 2>/dev/null | sort
 }
 workspace_wanted="$(workspace_state | sha256sum)"
 stamp=ros2_ws/install/.stamp
