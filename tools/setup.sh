@@ -112,7 +112,8 @@ workspace_state() {
     echo "$packages_wanted"
     find escalator_msgs -type f -print0 | sort -z | xargs -0 sha256sum
     sha256sum escalator_twin/package.xml escalator_twin/setup.py escalator_twin/setup.cfg
-    find -L escalator_twin/launch escalator_twin/config escalator_twin/resource -type f 2>/dev/null | sort
+    # launch/ and config/ may be missing
+    find -L escalator_twin/{launch,config,resource} -type f 2>/dev/null | sort || true
 }
 workspace_wanted="$(workspace_state | sha256sum)"
 stamp=ros2_ws/install/.stamp
