@@ -1,0 +1,76 @@
+"""The MuJoCo model of a chain: bodies on slides, so that its mass matrix is diagonal."""
+
+import mujoco
+import numpy as np
+
+from escalator_twin.physics.parameters import SIDES, Parameters
+
+AXES = {'x': (1.0, 0.0, 0.0), 'y': (0.0, 1.0, 0.0), 'z': (0.0, 0.0, 1.0)}
+TINY_KG = 1e-6  # a body whose mass sits in its children still needs one of its own
+OFF = (
+    'mjDSBL_CONSTRAINT', 'mjDSBL_EQUALITY', 'mjDSBL_FRICTIONLOSS', 'mjDSBL_LIMIT',
+    'mjDSBL_CONTACT', 'mjDSBL_SPRING', 'mjDSBL_DAMPER', 'mjDSBL_CLAMPCTRL', 'mjDSBL_ACTUATION',
+    'mjDSBL_REFSAFE', 'mjDSBL_EULERDAMP', 'mjDSBL_AUTORESET',
+)  # fmt: skip
+
+
+def _slide(body: mujoco.MjsBody, name: str, axis: tuple[float, float, float]) -> None:
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+
+
+def _body(parent: mujoco.MjsBody, name: str, mass: float) -> mujoco.MjsBody:
+    return parent.add_body(
+        name=name, mass=mass, inertia=[mass] * 3, ipos=[0, 0, 0], explicitinertial=True
+    )
+
+
+def build_spec(p: Parameters, step_s: float, half_gauge_m: float, radius_m: float):
+    """Return the ``MjSpec`` of a chain in the coordinates of the force law.
+
+    Parameters
+    ----------
+    p : Parameters
+    step_s : float
+        Time step, s.
+    half_gauge_m, radius_m : float
+        Half the track gauge and the rollers' radius, m, for what a viewer shows.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = 'linked_chain'
+    option = spec.option
+    option.timestep = step_s
+    option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    option.gravity = (0.0, 0.0, -p.gravity)
+    for flag in OFF:
+        option.disableflags |= getattr(mujoco.mjtDisableBit, flag)
+    spec.memory = 1 << 20
+    spec.compiler.autolimits = False
+    world = spec.worldbody
+    carriage = _body(world, 'carriage', p.carriage_mass)
+    _slide(carriage, 'carriage', (-1.0, 0.0, 0.0))
+    if p.frame[0] > 0.0:
+        _slide(_body(world, 'frame', p.frame[0]), 'frame', AXES['z'])
+    names = SIDES if p.n_sides == 2 else ('both',)
+    for i in range(p.end_mass.shape[1]):
+        axle = _body(world, f'axle_{i}', TINY_KG)
+        _slide(axle, f'axle_{i}_y', AXES['y'])
+        for side, name in enumerate(names):
+            end = _body(axle, f'axle_{i}_{name}', p.end_mass[side, i])
+            for axis in ('x', 'z'):
+                _slide(end, f'axle_{i}_{name}_{axis}', AXES[axis])
+            place = (0.0, half_gauge_m * (1 - 2 * side) * (p.n_sides - 1), 0.0)
+            end.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius_m, 0, 0], pos=place,
+                contype=0, conaffinity=0, mass=0.0,
+            )  # fmt: skip
+    return spec
+
+
+def mass_diagonal(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Return the diagonal of the mass matrix, having checked that there is nothing else."""
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    diagonal = np.diag(full).copy()
+    if np.abs(full - np.diag(diagonal)).max() > 0.0:
+        raise AssertionError('the force law needs a diagonal mass matrix')
+    return diagonal

@@ -1,0 +1,211 @@
+"""The roller-centre path of an escalator's guide: lines and arcs, closed, analytic."""
+
+from dataclasses import dataclass
+from math import cos, pi, radians, sin, tan
+
+import numba
+import numpy as np
+
+from escalator_twin.errors import MachineError
+from escalator_twin.machine import Guide
+from escalator_twin.signals import Floats
+
+# Columns of a segment row. Lines and arcs share them; an arc's reference direction is the unit
+# vector from its centre to its middle, so that no angle of a half turn meets the cut of atan2.
+KIND, X, Z, CX, CZ, HALF, RADIUS, TURN, START, LENGTH, CARRIAGE, FIXED = range(12)
+LINE, ARC = 0.0, 1.0
+
+
+@dataclass(frozen=True)
+class GuidePath:
+    """The closed path as rows of segments, in the order of increasing path coordinate.
+
+    Attributes
+    ----------
+    segments : (n, 12) float64
+        See the column names of this module; lengths in m.
+    length_m : float
+        Length of the loop with the carriage at rest.
+    passenger_m : float
+        Length of the passenger run, from the lower end of the lower landing.
+    """
+
+    segments: Floats
+    length_m: float
+    passenger_m: float
+
+
+def _line(x: float, z: float, angle: float, length: float, fixed: float) -> list[float]:
+    """Return a straight segment; ``fixed`` is the end that stays when the carriage moves."""
+    return [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed]
+
+
+def _arc(
+    x: float, z: float, angle: float, radius: float, turn: float, sweep: float, carriage: float
+) -> list[float]:
+    """Return an arc that starts at (x, z) heading ``angle``; ``turn`` +1 is to the left."""
+    cx, cz = x - turn * radius * sin(angle), z + turn * radius * cos(angle)
+    middle = angle - turn * pi / 2 + turn * sweep / 2
+    return [
+        ARC, cx, cz, cos(middle), sin(middle), sweep / 2, radius, turn, 0.0,
+        radius * sweep, carriage, 0.0,
+    ]  # fmt: skip
+
+
+def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
+    """Build the closed path of ``guide``.
+
+    Frame: x from the lower to the upper landing, z up, origin at the joint of lower landing and
+    lower transition on the passenger run; the return run is the passenger run shifted down by
+    twice the turnaround radius.
+
+    Parameters
+    ----------
+    guide : Guide
+    upper_landing_extra_m : float
+        Added to the upper landing of both runs (cause ``landing_length``).
+
+    Raises
+    ------
+    MachineError
+        Where rise and radii leave no straight incline.
+    """
+    slope = radians(guide.inclination_deg)
+    lower, upper = guide.lower_transition_radius_m, guide.upper_transition_radius_m
+    height = guide.rise_m - (lower + upper) * (1.0 - cos(slope))
+    incline = height / sin(slope) if slope > 0.0 else guide.rise_m
+    if not incline > 0.0:
+        raise MachineError(
+            f'guide.rise_m: {guide.rise_m} m leaves no straight incline between transitions '
+            f'of {lower} and {upper} m at {guide.inclination_deg} deg'
+        )
+    landing_m = guide.upper_landing_m + upper_landing_extra_m
+    turnaround = guide.turnaround_radius_m
+    x0 = -guide.lower_landing_m
+    x1, z1 = lower * sin(slope), lower * (1.0 - cos(slope))
+    x2, z2 = x1 + incline * cos(slope), z1 + incline * sin(slope)
+    x3, z3 = x2 + upper * sin(slope), z2 + upper * (1.0 - cos(slope))
+    x4, drop = x3 + landing_m, 2.0 * turnaround
+    rows = [
+        _line(x0, 0.0, 0.0, guide.lower_landing_m, 1.0),
+        _arc(0.0, 0.0, 0.0, lower, 1.0, slope, 0.0),
+        _line(x1, z1, slope, incline, 0.0),
+        _arc(x2, z2, slope, upper, -1.0, slope, 0.0),
+        _line(x3, z3, 0.0, landing_m, 0.0),
+        _arc(x4, z3, 0.0, turnaround, -1.0, pi, 0.0),
+        _line(x4, z3 - drop, pi, landing_m, 0.0),
+        _arc(x3, z3 - drop, pi, upper, 1.0, slope, 0.0),
+        _line(x2, z2 - drop, pi + slope, incline, 0.0),
+        _arc(x1, z1 - drop, pi + slope, lower, -1.0, slope, 0.0),
+        _line(0.0, -drop, pi, guide.lower_landing_m, 0.0),
+        _arc(x0, -drop, pi, turnaround, -1.0, pi, 1.0),
+    ]
+    segments = np.array([row for row in rows if row[LENGTH] > 0.0])
+    segments[:, START] = np.concatenate([[0.0], np.cumsum(segments[:-1, LENGTH])])
+    segments.setflags(write=False)
+    passenger = sum(row[LENGTH] for row in rows[:5])
+    return GuidePath(segments, float(segments[:, LENGTH].sum()), passenger)
+
+
+@numba.njit(cache=True)
+def locate(segments, k, x, z, u, w):
+    """Project a point on segment ``k``.
+
+    Parameters
+    ----------
+    segments : (n, 12) float64
+    k : int
+    x, z : float
+        The point, m.
+    u, w : float
+        Carriage displacement (outward, towards -x) and vertical frame displacement, m.
+
+    Returns
+    -------
+    local, offset, tx, tz : float
+        Path length from the segment's start (its own end points may be exceeded), normal offset
+        to the left of travel, m; unit tangent.
+    """
+    z = z - w
+    if segments[k, KIND] == LINE:
+        dx, dz = x - segments[k, X], z - segments[k, Z]
+        tx, tz = segments[k, CX], segments[k, CZ]
+        return dx * tx + dz * tz, dz * tx - dx * tz, tx, tz
+    rx, rz = x + segments[k, CARRIAGE] * u - segments[k, X], z - segments[k, Z]
+    radius = np.sqrt(rx * rx + rz * rz)
+    turn = segments[k, TURN]
+    ax, az = segments[k, CX], segments[k, CZ]
+    angle = turn * np.arctan2(ax * rz - az * rx, ax * rx + az * rz)
+    inverse = turn / radius
+    return (
+        (angle + segments[k, HALF]) * segments[k, RADIUS],
+        turn * (segments[k, RADIUS] - radius),
+        -rz * inverse,
+        rx * inverse,
+    )
+
+
+@numba.njit(cache=True)
+def find_segment(segments, hint, x, z, u, w):
+    """Project a point on the path, walking from segment ``hint``; the path is smooth.
+
+    Returns
+    -------
+    k : int
+        The segment.
+    local, offset, tx, tz : float
+        As from ``locate``.
+    """
+    n = len(segments)
+    k = hint
+    for _ in range(n + 1):
+        local, offset, tx, tz = locate(segments, k, x, z, u, w)
+        following = k + 1 if k < n - 1 else 0
+        # the landings that end at the carriage grow with it
+        below = -u if segments[k, FIXED] == 1.0 else 0.0
+        above = segments[k, LENGTH] + (u if segments[following, CARRIAGE] == 1.0 else 0.0)
+        if local < below:
+            k = k - 1 if k > 0 else n - 1
+        elif local >= above:
+            k = following
+        else:
+            break
+    return k, local, offset, tx, tz
+
+
+@numba.njit(cache=True)
+def point_at(segments, length, s, u):
+    """Return (x, z, tx, tz) of the path at coordinate ``s`` with the carriage at ``u``.
+
+    The lower landings are stretched evenly, so that every coordinate of the loop exists.
+    """
+    s = s % length
+    n = len(segments)
+    k = n - 1
+    for i in range(n):
+        if s < segments[i, START] + segments[i, LENGTH]:
+            k = i
+            break
+    row = segments[k]
+    local = s - row[START]
+    if row[KIND] == LINE:
+        if row[FIXED] == 1.0:
+            local = row[LENGTH] - (row[LENGTH] - local) * (1.0 + u / row[LENGTH])
+        elif segments[(k + 1) % n, CARRIAGE] == 1.0:
+            local *= 1.0 + u / row[LENGTH]
+        return row[X] + local * row[CX], row[Z] + local * row[CZ], row[CX], row[CZ]
+    angle = row[TURN] * (local / row[RADIUS] - row[HALF])
+    ux = row[CX] * np.cos(angle) - row[CZ] * np.sin(angle)
+    uz = row[CX] * np.sin(angle) + row[CZ] * np.cos(angle)
+    x = row[X] + row[RADIUS] * ux - row[CARRIAGE] * u
+    return x, row[Z] + row[RADIUS] * uz, -row[TURN] * uz, row[TURN] * ux
+
+
+def incline_limits(guide: Guide) -> tuple[float, float]:
+    """Return where the straight incline of the passenger run begins and ends, m."""
+    slope = radians(guide.inclination_deg)
+    start = guide.lower_landing_m + guide.lower_transition_radius_m * slope
+    radii = guide.lower_transition_radius_m + guide.upper_transition_radius_m
+    if slope == 0.0:
+        return start, start + guide.rise_m
+    return start, start + guide.rise_m / sin(slope) - radii * tan(slope / 2.0)

@@ -1,0 +1,252 @@
+"""Run a chain: start from static equilibrium at any place, advance, record."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from escalator_twin.errors import ExperimentError, MachineError
+from escalator_twin.machine import Machine, Sensor
+from escalator_twin.physics import run
+from escalator_twin.physics.kernel import make_state
+from escalator_twin.physics.mjcall import step_address
+from escalator_twin.physics.model import build_spec, mass_diagonal
+from escalator_twin.physics.parameters import SIDES, Parameters
+from escalator_twin.physics.path import LENGTH, START, GuidePath, point_at
+from escalator_twin.physics.polygon import inscribe
+from escalator_twin.signals import Floats
+
+STEP_S = 1e-3
+RELAX_STEP_S = 2e-3
+RELAX_RATE = 12.0  # 1/s, about critical for the carriage on its spring with half the chain
+RELAX_STEPS = 4000
+SETTLE_S = 3.0  # after setting off at speed: several times the carriage's decay time
+AXES = {'x': run.ACCEL_X, 'y': run.ACCEL_Y, 'z': run.ACCEL_Z}
+
+
+def probe_of(sensor: Sensor, n_links: int) -> tuple[int, int, int]:
+    """Return (kind, index, side) of what a sensor sees in the model.
+
+    Raises
+    ------
+    MachineError
+        Where the quantity is unknown or its place is not in the machine.
+    """
+    at = sensor.at
+
+    def place(key: str) -> int:
+        value = at.get(key)
+        if not isinstance(value, int) or not 0 <= value < n_links:
+            raise MachineError(
+                f'{sensor.channel}: at.{key}: expected 0 to {n_links - 1}, found {value!r}'
+            )
+        return value
+
+    def side() -> int:
+        if at.get('side') not in SIDES:
+            raise MachineError(
+                f'{sensor.channel}: at.side: expected left or right, found {at.get("side")!r}'
+            )
+        return SIDES.index(str(at['side']))
+
+    if sensor.quantity == 'link_force':
+        return run.LINK_FORCE, place('link'), side()
+    if sensor.quantity == 'roller_normal_force':
+        return run.ROLLER_NORMAL, place('axle'), side()
+    if sensor.quantity == 'carriage_displacement':
+        return run.CARRIAGE, 0, 0
+    if sensor.quantity == 'step_acceleration':
+        if at.get('axis') not in AXES:
+            raise MachineError(
+                f'{sensor.channel}: at.axis: expected x, y or z, found {at.get("axis")!r}'
+            )
+        return AXES[str(at['axis'])], place('step'), 0
+    raise MachineError(
+        f'{sensor.channel}: quantity: expected link_force, roller_normal_force, '
+        f'carriage_displacement or step_acceleration, found {sensor.quantity!r}'
+    )
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a run recorded on an even grid from its start.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+    columns : (n, k) float64
+        One column a probe, SI.
+    place_m : (n,) float64
+        Path coordinate of axle 0, mean of both sides, unwrapped in time.
+    """
+
+    time_s: Floats
+    columns: Floats
+    place_m: Floats
+
+
+class Simulation:
+    """A chain in motion; owns MuJoCo's model and data.
+
+    Parameters
+    ----------
+    machine : Machine
+    parameters : Parameters
+        From ``make_parameters``, deviations applied.
+    path : GuidePath
+        The guide that ``parameters`` was made with.
+    step_s : float
+        Time step, s.
+    """
+
+    def __init__(
+        self, machine: Machine, parameters: Parameters, path: GuidePath, step_s: float = STEP_S
+    ) -> None:
+        self.machine, self.parameters, self.path, self.step_s = machine, parameters, path, step_s
+        gauge = machine.chain.track_gauge_m / 2.0
+        spec = build_spec(parameters, step_s, gauge, machine.roller.diameter_m / 2.0)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, self.data)
+        self.mass = mass_diagonal(self.model, self.data)
+        axes = self.model.jnt_axis
+        self.heights = np.ascontiguousarray(axes[:, 2])
+        sides, axles = parameters.end_mass.shape
+        self.state = make_state(sides, axles, self.model.nv)
+        self._step = step_address()
+
+    @property
+    def time_s(self) -> float:
+        """Time since the start, s."""
+        return float(self.state.rack[1])
+
+    def start(self, start_s_m: float, settle_s: float = SETTLE_S) -> None:
+        """Put axle 0 at a path coordinate, at speed, transients gone.
+
+        The machine is brought to static equilibrium with its rack held, one settling way before
+        the place asked for, set off with every part at the rack's speed, and run until axle 0
+        (mean of both sides) is there to within half a step's way.
+
+        Raises
+        ------
+        ExperimentError
+            Where the place is not on the loop or the equilibrium cannot be found.
+        """
+        p = self.parameters
+        if not 0.0 <= start_s_m < self.path.length_m:
+            raise ExperimentError(
+                f'start_s: expected 0 to {self.path.length_m:.4f} m, found {start_s_m!r}'
+            )
+        self._equilibrium((start_s_m - p.speed * settle_s) % self.path.length_m)
+        self._set_off()
+        if settle_s > 0.0:
+            margin = 0.1
+            self.advance(max(settle_s - margin, 0.0), 1.0, np.zeros((0, 3), np.int64))
+            self._run_to(start_s_m, 4.0 * margin)
+        self.state.rack[1] = 0.0
+        self.data.time = 0.0
+
+    def _run_to(self, start_s_m: float, limit_s: float) -> None:
+        """Advance until axle 0 is at a place, to within half a step's way."""
+        half_loop = 0.5 * self.path.length_m
+        half_way = 0.5 * abs(self.parameters.speed) * self.step_s
+        for _ in range(round(limit_s / self.step_s)):
+            here = self.axle_place(0)
+            ahead = (start_s_m - here + half_loop) % self.path.length_m - half_loop
+            if ahead * np.sign(self.parameters.speed) <= half_way:
+                return
+            self.advance(self.step_s, 1.0, np.zeros((0, 3), np.int64))
+        raise ExperimentError(f'start_s: axle 0 did not come to {start_s_m} m')
+
+    def axle_place(self, axle: int) -> float:
+        """Return the path coordinate of an axle, mean of both sides, at the present state."""
+        total = 0.0
+        sides = self.state.s.shape[0]
+        first = self.state.s[0, axle]
+        for side in range(sides):
+            total += (self.state.s[side, axle] - first + 1.0) % self.path.length_m - 1.0
+        ahead = self.state.speed[:, axle].mean() * self.step_s
+        return float((first + total / sides + ahead) % self.path.length_m)
+
+    def _equilibrium(self, place_m: float) -> None:
+        """Find the state of rest with axle 0 about at a place and the rack held there."""
+        p, state = self.parameters, self.state
+        corners, u = inscribe(self.path, p.link_length.mean(axis=0), place_m)
+        base = 2 if p.frame[0] > 0.0 else 1
+        stride = 1 + 2 * p.n_sides
+        q = np.zeros(self.model.nq)
+        q[0] = u
+        starts = p.segments[:, START]
+        for i, s in enumerate(corners):
+            x, z, _, _ = point_at(p.segments, p.length_m, s, u)
+            k = int(np.searchsorted(starts, s % p.length_m, side='right')) - 1
+            state.segment[:, i] = k
+            for side in range(p.n_sides):
+                j = base + i * stride + 1 + 2 * side
+                q[j], q[j + 1] = x, z
+        state.dog[:] = -(2**40)
+        state.roll[:] = 0.0
+        state.acceleration[:] = 0.0
+        # the rack holds the axle nearest to the drive's middle where the polygon has it
+        middle = 0.5 * (p.drive_start + p.drive_end)
+        nearest = corners[int(np.argmin(np.abs(corners % p.length_m - middle)))] % p.length_m
+        state.rack[:] = nearest % p.pitch_m, 0.0, p.speed
+        w = np.zeros_like(q)
+        worst = run.relax(p, state, q, w, RELAX_STEP_S, RELAX_STEPS, RELAX_RATE)
+        state.rack[2] = 0.0
+        if not np.isfinite(q).all() or worst > 1e-3:
+            raise ExperimentError(
+                f'no static equilibrium with axle 0 at {place_m:.3f} m: '
+                f'the largest speed after {RELAX_STEPS * RELAX_STEP_S} s is {worst:.2g} m/s'
+            )
+        self.data.qpos[:] = q
+
+    def _set_off(self) -> None:
+        """Give every axle end the rack's speed along the path."""
+        p, state = self.parameters, self.state
+        base = 2 if p.frame[0] > 0.0 else 1
+        stride = 1 + 2 * p.n_sides
+        self.data.qvel[:] = 0.0
+        state.acceleration[:] = 0.0
+        for side in range(p.n_sides):
+            for i in range(state.s.shape[1]):
+                _, _, tx, tz = point_at(p.segments, p.length_m, state.s[side, i], 0.0)
+                j = base + i * stride + 1 + 2 * side
+                self.data.qvel[j], self.data.qvel[j + 1] = p.speed * tx, p.speed * tz
+
+    def advance(self, duration_s: float, rate_hz: float, probes: np.ndarray) -> Floats:
+        """Run for a while and record at an even rate, the first row at the present state.
+
+        Parameters
+        ----------
+        duration_s : float
+        rate_hz : float
+            Must divide the step rate.
+        probes : (k, 3) int64
+
+        Returns
+        -------
+        record : (n, k) float64
+        """
+        n_steps = round(duration_s / self.step_s)
+        stride = max(1, round(1.0 / (rate_hz * self.step_s)))
+        record = np.zeros((-(-n_steps // stride), len(probes)))
+        run.advance(
+            self.parameters, self.state, self.data.qpos, self.data.qvel, self.data.qfrc_applied,
+            self.mass, self.heights, self.step_s, n_steps, stride, probes, record, self._step,
+            self.model._address, self.data._address,
+        )  # fmt: skip
+        if not np.isfinite(self.data.qpos).all():
+            raise ExperimentError(f'the simulation diverged before {self.time_s:.3f} s')
+        return record
+
+    def trace(self, duration_s: float, rate_hz: float, sensors: tuple[Sensor, ...]) -> Trace:
+        """Run and record sensors beside the way of axle 0."""
+        n = self.machine.chain.n_links
+        probes = np.array(
+            [probe_of(s, n) for s in sensors] + [(run.PLACE, 0, 0)], dtype=np.int64
+        )
+        record = self.advance(duration_s, rate_hz, probes)
+        length = self.path.length_m
+        place = np.unwrap(record[:, -1], period=length)
+        return Trace(np.arange(len(record)) / rate_hz, record[:, :-1], place)

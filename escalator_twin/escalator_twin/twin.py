@@ -1,0 +1,71 @@
+"""The twin of a machine in an experiment: mechanics with its deviations, ready to run."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from escalator_twin.machine import Machine, Sensor
+from escalator_twin.physics.parameters import make_parameters
+from escalator_twin.physics.path import build_path
+from escalator_twin.physics.rollout import STEP_S, Simulation, Trace
+from escalator_twin.signals import Experiment
+
+CHUNK_S = 5.0  # simulated between two reports of progress
+
+Progress = Callable[[float, float], None]
+
+
+def make_simulation(
+    machine: Machine, experiment: Experiment, planar: bool = False, step_s: float = STEP_S
+) -> Simulation:
+    """Build the simulation of a machine, its deviations applied, in an experiment.
+
+    Parameters
+    ----------
+    machine : Machine
+    experiment : Experiment
+        ``set_speed_m_s`` is the rack's real speed.
+    planar : bool
+        Lump both sides into one.
+    step_s : float
+        Time step, s.
+    """
+    parameters = make_parameters(machine, experiment, planar)
+    return Simulation(machine, parameters, build_path(machine.guide), step_s)
+
+
+def run_twin(
+    simulation: Simulation,
+    sensors: tuple[Sensor, ...],
+    start_s_m: float,
+    duration_s: float,
+    rate_hz: float,
+    progress: Progress | None = None,
+) -> Trace:
+    """Start a simulation at a loop position and record sensors for a while.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    sensors : tuple of Sensor
+    start_s_m : float
+        Path coordinate of axle 0 at the first sample, m.
+    duration_s : float
+    rate_hz : float
+        Of the record; must divide the step rate.
+    progress : callable, optional
+        Gets (done, total) in simulated seconds.
+    """
+    simulation.start(start_s_m)
+    traces, done = [], 0.0
+    while done < duration_s:
+        part = min(CHUNK_S, duration_s - done)
+        traces.append(simulation.trace(part, rate_hz, sensors))
+        done += part
+        if progress is not None:
+            progress(done, duration_s)
+    columns = np.concatenate([t.columns for t in traces])
+    place = np.unwrap(
+        np.concatenate([t.place_m for t in traces]), period=simulation.path.length_m
+    )
+    return Trace(np.arange(len(columns)) / rate_hz, columns, place)
