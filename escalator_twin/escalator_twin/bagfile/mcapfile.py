@@ -1,0 +1,391 @@
+"""Read an MCAP file from front to back, whatever its state.
+
+The data section alone is read, record by record, so that a file without index, summary or footer
+reads like any other. Chunks whose message index names none of the wanted channels are passed
+over undecompressed. The layout is that of https://mcap.dev/spec (version 0).
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+import struct
+from typing import BinaryIO, NamedTuple
+from zlib import crc32
+
+import numpy as np
+
+from escalator_twin.bagfile.compression import CutError, decompress, DECOMPRESSORS
+from escalator_twin.bagfile.container import (
+    Block,
+    Channel,
+    Count,
+    Damage,
+    Indices,
+    MAX_CHUNK,
+    MAX_SCHEMA,
+    NOTHING,
+)
+from escalator_twin.bagfile.definitions import normalise_type
+from escalator_twin.errors import BagError
+
+MAGIC = b'\x89MCAP0\r\n'
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, CHUNK_INDEX = 1, 2, 3, 4, 5, 6, 7, 8
+DATA_END = 15
+KNOWN = range(1, 16)
+PREFIX = 9  # opcode and length of a record, bytes
+FRAME = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
+BATCH = 1 << 20  # bytes of unchunked messages that are handed out at once
+
+
+class _DamagedError(Exception):
+    """A record that does not hold what its kind should."""
+
+
+class _Cursor:
+    """Read fields of one record."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.position = 0
+
+    def take(self, n: int) -> bytes:
+        if n > len(self.data) - self.position:
+            raise _DamagedError(f'a record ends {n} bytes early')
+        self.position += n
+        return self.data[self.position - n : self.position]
+
+    def number(self, n: int) -> int:
+        return int.from_bytes(self.take(n), 'little')
+
+    def text(self) -> str:
+        return self.take(self.number(4)).decode('utf-8', 'replace')
+
+
+class _ChunkHead(NamedTuple):
+    """What stands before a chunk's messages."""
+
+    size: int
+    crc: int
+    compression: str
+    stored: int
+    start: int  # of the stored bytes in the file
+
+
+class McapFile:
+    """One MCAP file, open for reading.
+
+    Raises
+    ------
+    BagError
+        Where the file is not MCAP at all.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.channels: list[Channel] = []
+        self.damage = Damage()
+        self._file: BinaryIO = path.open('rb', buffering=1 << 16)
+        self._size = path.stat().st_size
+        self._schemas: dict[int, tuple[str, str, str]] = {}
+        self._ids: dict[int, int] = {}  # channel id -> index into channels
+        if self._file.read(len(MAGIC)) != MAGIC:
+            self._file.close()
+            raise BagError(f'{path}: not an MCAP file: its first bytes are not the magic')
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    # records
+
+    def _records(self) -> Iterator[tuple[int, int, int]]:
+        """Yield opcode, start and length of every record outside chunks, seeking over bodies."""
+        position = len(MAGIC)
+        rescue: list[int] | None = None
+        while position < self._size:
+            self._file.seek(position)
+            head = self._file.read(PREFIX)
+            if head[: len(MAGIC)] == MAGIC:  # another file behind this one
+                self.damage.remark('several MCAP files in one: all are read')
+                position += len(MAGIC)
+                continue
+            opcode = head[0]
+            length = int.from_bytes(head[1:], 'little')
+            start = position + PREFIX
+            if len(head) == PREFIX and opcode and start + length <= self._size:
+                yield opcode, start, length
+                position = start + length
+                if opcode == FOOTER:
+                    position = self._behind_footer(position)
+                continue
+            if len(head) == PREFIX and opcode == CHUNK and not self._has_footer():
+                yield opcode, start, self._size - start  # what is left of a cut chunk
+            if rescue is None:
+                rescue = self._chunk_offsets()
+            later = [offset for offset in rescue if offset > position]
+            where = f'damaged or cut off at byte {position} of {self._size}'
+            if not later:
+                self.damage.add(f'{where}: all before it is read')
+                return
+            self.damage.add(f'{where}: read on at byte {later[0]}')
+            position = later[0]
+
+    def _behind_footer(self, position: int) -> int:
+        """Return where to read on behind a footer: the closing magic is passed over."""
+        self._file.seek(position)
+        if self._file.read(len(MAGIC)) != MAGIC:
+            self.damage.remark('the closing magic is missing')
+            return self._size
+        position += len(MAGIC)
+        if position < self._size and self._file.read(len(MAGIC)) != MAGIC:
+            self.damage.remark(f'{self._size - position} bytes behind the end are not MCAP')
+            return self._size
+        return position
+
+    def _has_footer(self) -> bool:
+        self._file.seek(max(0, self._size - len(MAGIC)))
+        return self._file.read() == MAGIC
+
+    def _chunk_offsets(self) -> list[int]:
+        """Return the chunks' offsets by the summary at the end, empty where there is none."""
+        if self._size < 37 + len(MAGIC) or not self._has_footer():
+            return []
+        self._file.seek(self._size - 37)
+        opcode, length, summary, _, _ = struct.unpack('<BQQQI', self._file.read(29))
+        if opcode != FOOTER or length != 20 or not len(MAGIC) <= summary < self._size:
+            return []
+        self._file.seek(summary)
+        data = self._file.read(min(self._size - summary, MAX_CHUNK))
+        offsets, position = [summary], 0
+        while position + PREFIX <= len(data):
+            opcode, length = (
+                data[position],
+                int.from_bytes(data[position + 1 : position + 9], 'little'),
+            )
+            if opcode == CHUNK_INDEX and length >= 24:
+                at = position + PREFIX + 16
+                offsets.append(int.from_bytes(data[at : at + 8], 'little'))
+            position += PREFIX + length
+        return sorted(offset for offset in offsets if offset < self._size)
+
+    def _body(self, start: int, length: int) -> bytes:
+        self._file.seek(start)
+        return self._file.read(length)
+
+    # schemas and channels
+
+    def _begin(self) -> None:
+        """Forget the schemas and channels of a file before this one in the same file."""
+        self._schemas.clear()
+        self._ids.clear()
+
+    def _define(self, opcode: int, data: bytes) -> None:
+        """Keep a schema or a channel; a repeated one replaces the earlier."""
+        cursor = _Cursor(data)
+        if opcode == SCHEMA:
+            number = cursor.number(2)
+            self._schemas[number] = (cursor.text(), cursor.text(), cursor.text())
+            return
+        number, schema = cursor.number(2), cursor.number(2)
+        topic, encoding = cursor.text(), cursor.text()
+        name, kind, text = self._schemas.get(schema, ('', '', ''))
+        channel = Channel(topic, normalise_type(name), encoding, kind, text)
+        if channel not in self.channels:
+            self.channels.append(channel)
+        self._ids[number] = self.channels.index(channel)
+
+    def _try_define(self, opcode: int, data: bytes, where: int) -> None:
+        try:
+            self._define(opcode, data)
+        except _DamagedError as error:
+            self.damage.add(f'byte {where}: {error}')
+
+    # chunks
+
+    def _chunk_head(self, start: int, length: int) -> _ChunkHead:
+        cursor = _Cursor(self._body(start, min(length, 4096)))
+        cursor.take(16)
+        size, crc = cursor.number(8), cursor.number(4)
+        compression, stored = cursor.text(), cursor.number(8)
+        if size > MAX_CHUNK or stored > MAX_CHUNK:
+            raise _DamagedError(f'a chunk says it has {size} bytes')
+        if compression not in DECOMPRESSORS:
+            raise _DamagedError(f'unknown compression {compression!r}')
+        return _ChunkHead(size, crc, compression, stored, start + cursor.position)
+
+    def _chunk_data(self, start: int, length: int) -> bytes:
+        """Return a chunk's records decompressed; what there is of them where the file ends."""
+        head = self._chunk_head(start, length)
+        available = start + length - head.start
+        is_cut = head.stored > available
+        try:
+            stored = self._body(head.start, min(head.stored, available))
+            data = decompress(stored, head.compression, head.size)
+        except CutError as cut:
+            if not is_cut:
+                raise _DamagedError(f'a chunk does not decompress: {cut}') from cut
+            return cut.data
+        if is_cut:
+            return data
+        if len(data) != head.size:
+            raise _DamagedError(f'a chunk says {head.size} bytes and has {len(data)}')
+        if head.crc and crc32(data) != head.crc:
+            raise _DamagedError('a chunk fails its checksum')
+        return data
+
+    def _chunk(self, start: int, length: int) -> Block:
+        """Read one chunk, its schemas and channels included."""
+        data = self._chunk_data(start, length)
+        unpack = struct.Struct('<Q').unpack_from
+        position, end, found = 0, len(data), []
+        while position + PREFIX <= end:
+            (size,) = unpack(data, position + 1)
+            behind = position + PREFIX + size
+            if behind > end:
+                break
+            opcode = data[position]
+            if opcode == MESSAGE:
+                if size < 22:
+                    raise _DamagedError('a message shorter than its own head')
+                found.append(position)
+            elif opcode in (SCHEMA, CHANNEL):
+                self._try_define(opcode, data[position + PREFIX : behind], start)
+            position = behind
+        if position != end:
+            self.damage.add(f'byte {start}: a chunk ends inside a message')
+        return self._block(data, np.array(found, dtype=np.int64))
+
+    def _block(self, data: bytes, positions: Indices) -> Block:
+        """Take the messages at ``positions`` of ``data`` apart."""
+        width = FRAME.itemsize
+        if not len(positions):
+            return Block(data, *(np.zeros(0, np.int64) for _ in range(4)))
+        windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), width)
+        frames = np.ascontiguousarray(windows[positions]).view(FRAME)[:, 0]
+        table = np.full(1 << 16, -1, dtype=np.int64)
+        for number, index in self._ids.items():
+            table[number] = index
+        channel = table[frames['channel']]
+        if (channel < 0).any():
+            self.damage.add('messages of a channel that is nowhere declared are left out')
+        keep = channel >= 0
+        size = frames['length'].astype(np.int64) - (width - PREFIX)
+        return Block(
+            data,
+            channel[keep],
+            frames['log_time'].astype(np.int64)[keep],
+            (positions + width)[keep],
+            size[keep],
+        )
+
+    def _indexed(self, position: int) -> dict[int, tuple[int, int]]:
+        """Return channel id -> start and length of the index arrays that follow a chunk."""
+        found = {}
+        while position + PREFIX + 6 <= self._size:
+            head = self._body(position, PREFIX + 6)
+            length = int.from_bytes(head[1:9], 'little')
+            if head[0] != INDEX or position + PREFIX + length > self._size:
+                break
+            entries = int.from_bytes(head[11:15], 'little')
+            if entries > length - 6 or entries % 16:
+                return {}
+            if entries:
+                number = int.from_bytes(head[9:11], 'little')
+                found[number] = (position + PREFIX + 6, entries)
+            position += PREFIX + length
+        return found
+
+    # the storage protocol
+
+    def blocks(self, topics: set[str] | None) -> Iterator[Block]:
+        """Yield the messages of ``topics`` (``None``: all), skipping the rest unread."""
+        loose = _Loose()
+        for opcode, start, length in self._records():
+            if loose.size > BATCH or (loose.size and opcode in (HEADER, CHANNEL)):
+                yield self._block(*loose.take())
+            if opcode == HEADER:
+                self._begin()
+            elif opcode in (SCHEMA, CHANNEL):
+                if length <= MAX_SCHEMA:
+                    self._try_define(opcode, self._body(start, length), start)
+            elif opcode == CHUNK:
+                if self._is_wanted(start, length, topics):
+                    yield from self._safe_chunk(start, length)
+            elif opcode == MESSAGE and 22 <= length <= MAX_CHUNK:
+                number = int.from_bytes(self._body(start, 2), 'little')
+                index = self._ids.get(number, -1)
+                if index < 0 or topics is None or self.channels[index].topic in topics:
+                    loose.add(self._body(start - PREFIX, PREFIX + length))
+            elif opcode not in KNOWN and opcode < 128:
+                self.damage.remark(f'byte {start}: unknown kind of record {opcode}')
+        if loose.size:
+            yield self._block(*loose.take())
+
+    def _is_wanted(self, start: int, length: int, topics: set[str] | None) -> bool:
+        """Tell whether a chunk may hold a message of ``topics`` or a new channel."""
+        if topics is None:
+            return True
+        indexed = self._indexed(start + length)
+        if not indexed or any(number not in self._ids for number in indexed):
+            return True
+        return any(self.channels[self._ids[number]].topic in topics for number in indexed)
+
+    def _safe_chunk(self, start: int, length: int) -> Iterator[Block]:
+        try:
+            yield self._chunk(start, length)
+        except _DamagedError as error:
+            self.damage.add(f'byte {start}: {error}: its messages are lost')
+
+    def counts(self) -> dict[int, Count]:
+        """Return how many messages each channel has, from the indices where there are any."""
+        totals: dict[int, Count] = {}
+
+        def add(index: int, times: Indices) -> None:
+            found = Count(len(times), int(times.min()), int(times.max()))
+            totals[index] = totals.get(index, NOTHING) + found
+
+        for opcode, start, length in self._records():
+            if opcode == HEADER:
+                self._begin()
+            elif opcode in (SCHEMA, CHANNEL) and length <= MAX_SCHEMA:
+                self._try_define(opcode, self._body(start, length), start)
+            elif opcode == MESSAGE and length >= 22:
+                head = self._body(start, 14)
+                if (index := self._ids.get(int.from_bytes(head[:2], 'little'))) is not None:
+                    add(index, np.frombuffer(head[6:], '<i8'))
+            elif opcode == CHUNK:
+                indexed = self._indexed(start + length)
+                if indexed and all(number in self._ids for number in indexed):
+                    for number, (at, size) in indexed.items():
+                        add(self._ids[number], np.frombuffer(self._body(at, size), '<i8')[::2])
+                    continue
+                for block in self._safe_chunk(start, length):
+                    for index in np.unique(block.channel):
+                        add(int(index), block.bag_ns[block.channel == index])
+        return totals
+
+
+class _Loose:
+    """Messages outside chunks, gathered until they make a block."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = []
+        self.size = 0
+
+    def add(self, record: bytes) -> None:
+        self.parts.append(record)
+        self.size += len(record)
+
+    def take(self) -> tuple[bytes, Indices]:
+        lengths = np.array([len(part) for part in self.parts], dtype=np.int64)
+        data = b''.join(self.parts)
+        self.parts, self.size = [], 0
+        return data, np.cumsum(lengths) - lengths

@@ -1,0 +1,119 @@
+"""Bring one topic's messages into the order of their stamps, saying what had to be mended."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from escalator_twin.bagfile.container import Indices
+from escalator_twin.signals import Floats
+
+# A stamp that departs by more than this from its neighbours is a step of the logger's clock, s:
+# far above a recorder's latency, far below any reset of a clock.
+CLOCK_STEP_S = 0.25
+# Samples on either side of a step whose clock readings are compared.
+STEP_SPAN = 50
+# Share of messages with another's stamp and other values above which the stamps tell no time.
+MAX_REPEATED = 0.1
+
+
+class Tidy(NamedTuple):
+    """Messages in the order of their stamps, each stamp once.
+
+    ``remarks`` holds (kind of finding, detail, repaired).
+    """
+
+    stamp_ns: Indices
+    bag_ns: Indices
+    fields: Floats
+    remarks: list[tuple[str, str, bool]]
+
+
+def tidy(stamp_ns: Indices | None, bag_ns: Indices, fields: Floats) -> Tidy:
+    """Order the messages of one topic.
+
+    Parameters
+    ----------
+    stamp_ns : (n,) int64 or None
+        The logger's clock; ``None`` where the type has no header: then the bag's time.
+    bag_ns : (n,) int64
+        The recorder's clock.
+    fields : (n, k) float64
+        The messages' numbers.
+    """
+    remarks: list[tuple[str, str, bool]] = []
+    by_bag = np.argsort(bag_ns, kind='stable')
+    bag_ns, fields = bag_ns[by_bag], fields[by_bag]
+    if stamp_ns is not None:
+        stamp_ns = stamp_ns[by_bag]
+        reason = _useless(stamp_ns, fields)
+        if reason:
+            remarks.append(('clock_disagreement', f'{reason}: the bag time is used', True))
+            stamp_ns = None
+    if stamp_ns is None:
+        stamp_ns = bag_ns
+    else:
+        stamp_ns, steps = _without_steps(stamp_ns, bag_ns)
+        remarks += [('clock_disagreement', step, True) for step in steps]
+    disordered = int((np.diff(stamp_ns) < 0).sum())
+    if disordered:
+        remarks.append(
+            ('out_of_order', f'{disordered} messages behind a later one: sorted by stamp', True)
+        )
+        order = np.argsort(stamp_ns, kind='stable')
+        stamp_ns, bag_ns, fields = stamp_ns[order], bag_ns[order], fields[order]
+    is_first = np.ones(len(stamp_ns), dtype=bool)
+    is_first[1:] = np.diff(stamp_ns) != 0
+    if not is_first.all():
+        repeated = ~is_first[1:]
+        other = int((repeated & _differs(fields)).sum())
+        text = f'{int(repeated.sum())} messages with the stamp of another dropped'
+        if other:
+            text += f', {other} of them with other values'
+        remarks.append(('duplicate', text, True))
+        stamp_ns, bag_ns, fields = stamp_ns[is_first], bag_ns[is_first], fields[is_first]
+    return Tidy(stamp_ns, bag_ns, fields, remarks)
+
+
+def _differs(fields: Floats) -> NDArray[np.bool_]:
+    """Tell of each message but the first whether it has other values than the one before."""
+    before, after = fields[:-1], fields[1:]
+    return ((before != after) & ~(np.isnan(before) & np.isnan(after))).any(axis=1)
+
+
+def _useless(stamp_ns: Indices, fields: Floats) -> str:
+    """Return why the stamps tell no time, '' where they do."""
+    if len(stamp_ns) and not stamp_ns.any():
+        return 'all header stamps are zero'
+    if len(stamp_ns) < 10:
+        return ''
+    repeated = np.diff(stamp_ns) == 0
+    share = float((repeated & _differs(fields)).mean())
+    if share > MAX_REPEATED:
+        return f'{100 * share:.0f} % of the header stamps repeat the one before'
+    return ''
+
+
+def _without_steps(stamp_ns: Indices, bag_ns: Indices) -> tuple[Indices, list[str]]:
+    """Undo steps of the logger's clock, seen where its stamps jump and the bag time does not."""
+    n = len(stamp_ns)
+    if n < 3:
+        return stamp_ns, []
+    limit = int(CLOCK_STEP_S * 1e9)
+    forward, arrival = np.diff(stamp_ns), np.diff(bag_ns)
+    jumps = (np.abs(forward - np.median(forward)) > limit) & (arrival < limit)
+    steps = []
+    behind = stamp_ns - bag_ns
+    for i in np.flatnonzero(jumps) + 1:
+        before = np.median(behind[max(0, i - STEP_SPAN) : i])
+        after = np.median(behind[i : i + STEP_SPAN])
+        size = float(after - before)
+        if abs(size) < limit:
+            continue
+        # the step itself to the resolution of a period
+        exact = int(forward[i - 1] - np.median(forward))
+        stamp_ns = np.concatenate([stamp_ns[:i], stamp_ns[i:] - exact])
+        behind = stamp_ns - bag_ns
+        seconds = (bag_ns[i] - bag_ns[0]) / 1e9
+        steps.append(f"the logger's clock steps by {size / 1e9:+.3f} s at {seconds:.2f} s: undone")
+    return stamp_ns, steps
