@@ -1,0 +1,76 @@
+"""Command line of the rig: ``python -m rig make|hidden|verify``."""
+
+import argparse
+from pathlib import Path
+
+from rig.machine import Case
+from rig.make import Effect, Order, make, write
+from rig.samples import write_samples
+
+
+def read_case(text: str) -> Case:
+    """Read ``speed=0.5,direction=up,load=75,preload=3000``."""
+    given = dict(item.split('=', 1) for item in text.split(','))
+    direction = {'up': 1, 'down': -1}[given['direction']]
+    return Case(float(given['speed']), direction, float(given['load']), float(given['preload']))
+
+
+def read_value(text: str) -> object:
+    """Read a number, a list joined by ``+``, or a word."""
+    if '+' in text.strip('+'):
+        return [read_value(part) for part in text.split('+')]
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def read_effect(cause: str | None, settings: list[str]) -> tuple[Effect, ...]:
+    """Sort ``--set`` entries into the effect's place and size."""
+    if cause is None:
+        return ()
+    given = {key: read_value(text) for key, text in (item.split('=', 1) for item in settings)}
+    location = {k: v for k, v in given.items() if k in PLACES}
+    parameters = {k: v for k, v in given.items() if k not in PLACES}
+    return (Effect(cause, location, parameters),)
+
+
+PLACES = ('link', 'links', 'axle', 'step', 'steps', 'side', 's_m', 's_from_m', 's_to_m',
+          'which', 'gauge', 'axis', 'channel', 'channels')
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line's parser."""
+    root = argparse.ArgumentParser(prog='rig', description=__doc__)
+    verbs = root.add_subparsers(dest='verb', required=True)
+    one = verbs.add_parser('make', help='make one recording')
+    one.add_argument('--seed', type=int, required=True)
+    one.add_argument('--case', type=read_case, required=True)
+    one.add_argument('--cause')
+    one.add_argument('--set', action='append', default=[], metavar='KEY=VALUE')
+    one.add_argument('--out', type=Path, required=True)
+    one.add_argument('--truth', type=Path)
+    one.add_argument('--duration', type=float, default=110.0)
+    one.add_argument('--start-s', type=float)
+    one.add_argument('--machine-seed', type=int)
+    one.add_argument('--nominal', action='store_true', help='no tolerances drawn')
+    samples = verbs.add_parser('samples', help='make the repository\'s sample recordings')
+    samples.add_argument('--out', type=Path, required=True)
+    return root
+
+
+def main() -> None:
+    """Run the verb."""
+    given = parser().parse_args()
+    if given.verb == 'make':
+        order = Order(given.seed, given.case, given.duration, read_effect(given.cause, given.set),
+                      given.nominal, given.machine_seed, given.start_s)
+        write(make(order), given.out, given.truth)
+    elif given.verb == 'samples':
+        write_samples(given.out)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,131 @@
+"""Draw one machine within the data sheet's tolerances, its rails and one run's speed."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.guide import TABLE_STEP_M, lay_path, read_survey
+from rig.machine import SURVEY, Case, nominal, slope
+from rig.model import Model
+from rig.sheet import Sheet
+
+FloatArray = NDArray[np.float64]
+
+SURVEY_ERROR_M = 5e-5  # m, data sheet, one standard deviation
+WAVE_AMPLITUDE_M = {'normal': 1.48e-5, 'lateral': 2.5e-5}  # m, see rail_spectrum
+SHORTEST_WAVE_M = 0.05  # m, shorter ones are bridged by the roller's contact patch and tread
+WANDER = 0.002  # -, data sheet, largest slow wander of the speed
+WANDER_PERIODS_S = (32.0, 90.0)  # s
+WANDER_WAVES = 3
+LARGEST_SPEED_ERROR = 0.07  # -, data sheet
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """One machine's draw: factors on the data sheet's values, lengths in m."""
+
+    mass: float = 1.0
+    link_stiffness: float = 1.0
+    link_damping: float = 1.0
+    racking_stiffness: float = 1.0
+    contact_stiffness: float = 1.0
+    rolling_resistance: float = 1.0
+    drive_stiffness: float = 1.0
+    tensioner_stiffness: float = 1.0
+    tensioner_damping: float = 1.0
+    preload: float = 1.0
+    load: float = 1.0
+    lower_landing_m: float = 0.0
+    upper_landing_m: float = 0.0
+
+
+SPREAD = {  # one standard deviation, data sheet
+    'mass': 0.01, 'link_stiffness': 0.05, 'link_damping': 0.3, 'racking_stiffness': 0.2,
+    'contact_stiffness': 0.1, 'rolling_resistance': 0.1, 'drive_stiffness': 0.1,
+    'tensioner_stiffness': 0.02, 'tensioner_damping': 0.15, 'preload': 0.02, 'load': 0.01,
+    'lower_landing_m': 1e-3, 'upper_landing_m': 1e-3,
+}
+LARGEST_DRAW = 2.5  # standard deviations; a machine further out is not within tolerance
+
+
+def draw_tolerances(rng: np.random.Generator) -> Tolerances:
+    """Draw one machine; every draw stays within 2.5 standard deviations."""
+    drawn = {}
+    for name, spread in SPREAD.items():
+        deviation = spread * float(np.clip(rng.normal(), -LARGEST_DRAW, LARGEST_DRAW))
+        drawn[name] = deviation if name.endswith('_m') else 1.0 + deviation
+    return Tolerances(**drawn)
+
+
+def build(sheet: Sheet, case: Case, speed_m_s: float, drawn: Tolerances) -> Model:
+    """Return the machine with these tolerances, its guide as surveyed."""
+    model = nominal(sheet, case, speed_m_s, smooth=True, lower_m=drawn.lower_landing_m,
+                    upper_m=drawn.upper_landing_m)
+    return model._replace(
+        mass=model.mass * drawn.mass, lat_mass=model.lat_mass * drawn.mass,
+        link_k=model.link_k * drawn.link_stiffness, link_c=model.link_c * drawn.link_damping,
+        rack_k=model.rack_k * drawn.racking_stiffness,
+        contact_k=model.contact_k * drawn.contact_stiffness,
+        resistance=model.resistance * drawn.rolling_resistance,
+        drive_k=model.drive_k * drawn.drive_stiffness,
+        tens_k=model.tens_k * drawn.tensioner_stiffness,
+        tens_c=model.tens_c * drawn.tensioner_damping,
+        preload=model.preload * drawn.preload, load=model.load * drawn.load)
+
+
+def draw_rail(rng: np.random.Generator, values: FloatArray, length_m: float,
+              amplitude_m: float) -> FloatArray:
+    """Draw a true rail, given what the survey says of it, onto the rig's table.
+
+    The true deviation's amplitude per wave falls as 1 / (waves per metre), as the survey's
+    own spectrum does below 4 per metre; the survey adds white errors.  Each wave is drawn
+    from its posterior (Wiener's gain and what it leaves open), waves shorter than the survey
+    resolves from the prior alone.
+    """
+    rows = values.size
+    table = int(round(length_m / TABLE_STEP_M))
+    surveyed = np.fft.rfft(values) / rows
+    waves = int(length_m / SHORTEST_WAVE_M) + 1
+    true = np.zeros(table // 2 + 1, complex)
+    noise = SURVEY_ERROR_M**2 / rows  # variance of a complex coefficient
+    for k in range(1, waves):
+        prior = 0.5 * (amplitude_m * length_m / k)**2
+        draw = complex(rng.normal(), rng.normal()) * np.sqrt(0.5)
+        if k < surveyed.size - 1:
+            gain = prior / (prior + noise)
+            true[k] = gain * surveyed[k] + np.sqrt(gain * noise) * draw
+        else:
+            true[k] = np.sqrt(prior) * draw
+    true[0] = surveyed[0]
+    return np.fft.irfft(true, table) * table
+
+
+def lay_rails(model: Model, rng: np.random.Generator) -> Model:
+    """Give the machine a drawn true guide: one for both sides, as the data sheet has it."""
+    survey = read_survey(SURVEY)
+    length = model.cell * model.lateral.size
+    normal = draw_rail(rng, survey[:, 1], length, WAVE_AMPLITUDE_M['normal'])
+    lateral = draw_rail(rng, survey[:, 2], length, WAVE_AMPLITUDE_M['lateral'])
+    return model._replace(
+        normal=np.stack([normal, normal]),
+        normal_slope=np.stack([slope(normal, model.cell)] * 2),
+        lateral=lateral, lateral_slope=slope(lateral, model.cell))
+
+
+def draw_wander(rng: np.random.Generator) -> FloatArray:
+    """Draw the slow wander: (waves, 3) relative amplitude, frequency (Hz), phase (rad)."""
+    share = rng.dirichlet(np.ones(WANDER_WAVES)) * WANDER * rng.uniform(0.3, 1.0)
+    period = rng.uniform(*WANDER_PERIODS_S, WANDER_WAVES)
+    phase = rng.uniform(0.0, 2.0 * np.pi, WANDER_WAVES)
+    return np.stack([share, 1.0 / period, phase], axis=1)
+
+
+def draw_speed(rng: np.random.Generator, set_speed_m_s: float) -> float:
+    """Draw the real mean speed (m/s)."""
+    return set_speed_m_s * (1.0 + rng.uniform(-LARGEST_SPEED_ERROR, LARGEST_SPEED_ERROR))
+
+
+def as_truth(drawn: Tolerances) -> dict[str, float]:
+    """Return the draw for the truth file."""
+    return {name: float(value) for name, value in asdict(drawn).items()}
