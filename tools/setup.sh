@@ -120,7 +120,10 @@ stamp=ros2_ws/install/.stamp
 
 if [[ "$(cat "$stamp" 2>/dev/null)" != "$workspace_wanted" ]]; then
     say 'colcon workspace ros2_ws'
-    rm -f "$stamp"
+    # a build by hand may have copied where this one links
+    [[ -e "$stamp" ]] || rm -rf ros2_ws/build ros2_ws/install
+    mkdir -p ros2_ws/install
+    echo building >"$stamp"
     (
         export VIRTUAL_ENV="$venv" PATH="$venv/bin:$PATH" AMENT_PREFIX_PATH="$venv"
         export PYTHONWARNINGS=ignore
