@@ -180,6 +180,15 @@ class Instruments:
     measured_namespace: str = '/measured'
     simulated_namespace: str = '/simulated'
 
+    @property
+    def reference_logger(self) -> str:
+        """Return the logger whose clock is the reference: the one with the least offset."""
+        return min(self.loggers, key=lambda name: self.loggers[name].offset_s)
+
+    def channels_of(self, logger: str) -> frozenset[str]:
+        """Return the channels that a logger stamps."""
+        return frozenset(s.channel for s in self.sensors if s.logger == logger)
+
     def sensor(self, channel: str) -> Sensor:
         """Return the sensor of ``channel``; a MachineError names those that exist."""
         for sensor in self.sensors + self.simulated_only:

@@ -1,0 +1,94 @@
+"""A comparison as the JSON of contracts.md tells it."""
+
+from typing import Any
+
+import numpy as np
+
+from escalator_twin.comparison.judge import Judgement
+from escalator_twin.comparison.locate import Setting
+from escalator_twin.metrics.filters import lowpass
+from escalator_twin.signals import Floats, Recording
+
+SCHEMA = 'escalator_twin/compare/1'
+OVERLAY_HZ = 20.0  # of the overlays that a page draws
+OVERLAY_BAND_HZ = 8.0
+DIGITS = 6  # significant, of the overlays
+
+
+def recording_document(
+    recording: Recording, setting: Setting, judgement: Judgement, travelling: str
+) -> dict[str, Any]:
+    """Return one recording's part of the JSON.
+
+    Parameters
+    ----------
+    recording : Recording
+    setting : Setting
+    judgement : Judgement
+    travelling : str
+        The logger whose clock is told against the reference; empty where there is one clock.
+    """
+    assert recording.experiment is not None
+    travel = judgement.travel
+    clock = setting.clocks.get(travelling)
+    return {
+        'path': recording.path,
+        'case_id': recording.experiment.case_id,
+        'direction': recording.experiment.direction,
+        'set_speed_m_s': recording.experiment.set_speed_m_s,
+        'speed_m_s': {
+            'value': travel.speed_m_s,
+            'low': travel.low_m_s,
+            'high': travel.high_m_s,
+        },
+        'start_s_m': judgement.start_s_m,
+        'clock': {
+            'offset_s': clock.offset_s if clock else None,
+            'drift_ppm': clock.rate * 1e6 if clock else None,
+            'tied': setting.tied,
+        },
+        'place_lead': setting.lead if np.isfinite(setting.lead) else None,
+        'sensor_pose': {k: list(v) for k, v in judgement.pose.items()},
+        'channels': {c: dict(s) for c, s in judgement.scores.items()},
+        'quality': [
+            {
+                'kind': f.kind,
+                'channel': f.channel,
+                'from_s': f.from_s,
+                'to_s': f.to_s,
+                'detail': f.detail,
+                'repaired': f.repaired,
+            }
+            for f in setting.findings
+        ],
+        'overlay': overlay(judgement),
+    }
+
+
+def overlay(judgement: Judgement) -> dict[str, Any]:
+    """Return every channel, low-passed and thinned, measured beside simulated, means removed."""
+    channels = {}
+    for name, aligned in judgement.channels.items():
+        step = max(1, round(aligned.rate_hz / OVERLAY_HZ))
+        measured = lowpass(aligned.measured, OVERLAY_BAND_HZ, aligned.rate_hz)[::step]
+        simulated = lowpass(aligned.simulated, OVERLAY_BAND_HZ, aligned.rate_hz)[::step]
+        kept = aligned.valid[::step]
+        channels[name] = {
+            'time_s': rounded(aligned.time_s[::step]),
+            'travel_m': rounded(aligned.travel_m[::step]),
+            'measured': [
+                value if good else None
+                for value, good in zip(rounded(measured - measured.mean()), kept, strict=True)
+            ],
+            'simulated': rounded(simulated - simulated.mean()),
+        }
+    return {'band_hz': OVERLAY_BAND_HZ, 'channels': channels}
+
+
+def rounded(values: Floats) -> list[float]:
+    """Return values to the digits that a drawing needs."""
+    scale = float(np.abs(values).max()) if len(values) else 0.0
+    if scale == 0.0:
+        return [0.0] * len(values)
+    places = int(DIGITS - 1 - np.floor(np.log10(scale)))
+    return [float(v) for v in np.round(values, places)]

@@ -1,0 +1,202 @@
+"""Score the twin's signals against a recording's, both aligned by travel."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from escalator_twin.comparison.locate import RATE_HZ, UNKNOWN_SD_S, WANDER, Setting
+from escalator_twin.machine import Machine, Sensor
+from escalator_twin.metrics import Track, machine_orders, remove_sensor_pose, score_channel
+from escalator_twin.metrics.registry import Score
+from escalator_twin.physics.path import build_path
+from escalator_twin.physics.rollout import Trace
+from escalator_twin.signals import Floats
+from escalator_twin.sync.timeline import Timed
+from escalator_twin.sync.travel import Travel, fit_travel
+
+AXES = ('x', 'y', 'z')
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """One channel, measured beside simulated, on the instrument's own grid.
+
+    Attributes
+    ----------
+    measured, simulated : (n,) float64
+        SI; an acceleration's bias and rotation are taken out of the measured one.
+    time_s : (n,) float64
+        Reference time.
+    travel_m : (n,) float64
+        Since the twin's run began.
+    valid : (n,) bool
+    rate_hz : float
+    """
+
+    measured: Floats
+    simulated: Floats
+    time_s: Floats
+    travel_m: Floats
+    valid: np.ndarray
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    travel : Travel
+        Over reference time, 0 where the twin's run begins.
+    start_s_m : float
+        Path coordinate of axle 0 at the first sample of the travelling logger.
+    ground_shift_s : float
+        By how much the signals ask for the reference logger's clock to be moved.
+    channels : mapping of channel to Aligned
+    scores : mapping of channel to scores
+    pose : mapping
+        Bias (m/s2) and rotation (deg) of the acceleration sensor, where there is one.
+    """
+
+    travel: Travel
+    start_s_m: float
+    ground_shift_s: float
+    channels: Mapping[str, Aligned]
+    scores: Mapping[str, Mapping[str, Score]]
+    pose: Mapping[str, tuple[float, ...]]
+
+
+def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
+    """Align a simulated run with its recording and score every channel.
+
+    Parameters
+    ----------
+    setting : Setting
+        What the run was started with.
+    trace : Trace
+        The run at ``RATE_HZ``, one column a sensor of the machine, in their order.
+    machine : Machine
+    """
+    sensors = machine.instruments.sensors
+    columns = {s.channel: trace.columns[:, i] for i, s in enumerate(sensors)}
+    way = trace.time_s * setting.experiment.set_speed_m_s
+    reference = machine.instruments.reference_logger
+    fit = fit_travel(
+        _without_pose(setting, columns, way, sensors),
+        columns,
+        way,
+        RATE_HZ,
+        setting.travel.base_m_s,
+        0.0,
+        machine.drive.speed_wander or WANDER,
+        machine.instruments.channels_of(reference),
+        0.0 if setting.tied else UNKNOWN_SD_S,
+        first=setting.travel,
+    )
+    aligned, pose = _align(setting, columns, way, sensors, fit.travel)
+    scores = {c: _score(a, machine) for c, a in aligned.items()}
+    first = min(
+        (t.time_s[0] for c, t in setting.tracks.items() if c not in fit_ground(machine)),
+        default=0.0,
+    )
+    length = build_path(machine.guide).length_m
+    start = np.interp(fit.travel.at(np.array([first])), way, trace.place_m)[0] % length
+    return Judgement(fit.travel, float(start), fit.ground_shift_s, aligned, scores, pose)
+
+
+def fit_ground(machine: Machine) -> frozenset[str]:
+    """Return the channels of the reference logger."""
+    return machine.instruments.channels_of(machine.instruments.reference_logger)
+
+
+def _simulated(track: Timed, column: Floats, way: Floats, travel: Travel) -> tuple[Floats, Floats]:
+    """Return travel and simulated values at a track's samples."""
+    place = travel.at(track.time_s)
+    return place, CubicSpline(way, column)(np.clip(place, way[0], way[-1]))
+
+
+def _triads(sensors: tuple[Sensor, ...]) -> list[dict[str, str]]:
+    """Return the acceleration sensors as mappings of axis to channel, one a step."""
+    steps: dict[object, dict[str, str]] = {}
+    for sensor in sensors:
+        if sensor.quantity == 'step_acceleration':
+            steps.setdefault(sensor.at.get('step'), {})[str(sensor.at['axis'])] = sensor.channel
+    return list(steps.values())
+
+
+def _pose(
+    aligned: Mapping[str, Aligned], triad: Mapping[str, str]
+) -> tuple[Floats, Floats, Floats] | None:
+    """Return corrected readings, bias and rotation of one acceleration sensor."""
+    there = [aligned[triad[a]] for a in AXES if a in triad and triad[a] in aligned]
+    if not there:
+        return None
+    n = min(len(a.measured) for a in there)
+    measured, simulated = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    valid = np.ones(n, bool)
+    for i, axis in enumerate(AXES):
+        if axis in triad and triad[axis] in aligned:
+            one = aligned[triad[axis]]
+            measured[:, i], simulated[:, i] = one.measured[:n], one.simulated[:n]
+            valid &= one.valid[:n]
+    simulated = np.where(np.isnan(simulated), 0.0, simulated)
+    return remove_sensor_pose(measured, simulated, there[0].rate_hz, valid)
+
+
+def _align(
+    setting: Setting,
+    columns: Mapping[str, Floats],
+    way: Floats,
+    sensors: tuple[Sensor, ...],
+    travel: Travel,
+) -> tuple[dict[str, Aligned], dict[str, tuple[float, ...]]]:
+    """Evaluate the run where each sample was taken; take bias and pose out of accelerations."""
+    aligned = {}
+    for channel, track in setting.tracks.items():
+        place, simulated = _simulated(track, columns[channel], way, travel)
+        aligned[channel] = Aligned(
+            track.values, simulated, track.time_s, place, track.valid, track.rate_hz
+        )
+    pose: dict[str, tuple[float, ...]] = {}
+    for triad in _triads(sensors):
+        found = _pose(aligned, triad)
+        if found is None:
+            continue
+        corrected, bias, rotation = found
+        pose = {'bias_m_s2': tuple(map(float, bias)), 'rotation_deg': tuple(map(float, rotation))}
+        for i, axis in enumerate(AXES):
+            if axis in triad and triad[axis] in aligned:
+                one = aligned[triad[axis]]
+                n = len(corrected)
+                aligned[triad[axis]] = Aligned(
+                    corrected[:, i], one.simulated[:n], one.time_s[:n], one.travel_m[:n],
+                    one.valid[:n], one.rate_hz,
+                )  # fmt: skip
+    return aligned, pose
+
+
+def _without_pose(
+    setting: Setting, columns: Mapping[str, Floats], way: Floats, sensors: tuple[Sensor, ...]
+) -> dict[str, Timed]:
+    """Return the tracks with bias and rotation of accelerations removed, for the fit."""
+    aligned, _ = _align(setting, columns, way, sensors, setting.travel)
+    return {
+        c: Timed(c, a.time_s, a.measured, a.valid, a.rate_hz) for c, a in aligned.items()
+    }
+
+
+def _score(aligned: Aligned, machine: Machine) -> dict[str, Score]:
+    """Return the contract's metrics of one aligned channel."""
+    chain = machine.chain
+    travel = np.maximum.accumulate(aligned.travel_m)
+    track = Track(
+        travel - travel[0],
+        aligned.rate_hz,
+        chain.n_links * chain.pitch_m,
+        chain.pitch_m,
+        machine_orders(chain.n_links, chain.pitch_m, machine.roller.diameter_m),
+    )
+    return score_channel(aligned.measured, aligned.simulated, track, aligned.valid)

@@ -1,0 +1,193 @@
+"""From a recording alone: clocks, real speed and the place in the loop where it begins."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from escalator_twin.comparison.clocks import logger_clocks
+from escalator_twin.errors import RecordingError, SynchronisationError
+from escalator_twin.machine import Machine
+from escalator_twin.metrics.filters import lowpass
+from escalator_twin.physics.path import build_path
+from escalator_twin.signals import Experiment, Finding, Floats, Recording
+from escalator_twin.sync.place import Place, find_place
+from escalator_twin.sync.speed import SpeedEstimate, estimate_speed
+from escalator_twin.sync.template import Template, make_template
+from escalator_twin.sync.timeline import Clock, Timed, origin_ns, time_all
+from escalator_twin.sync.travel import BAND_HZ, Travel, fit_travel
+from escalator_twin.twin import make_simulation, run_twin
+
+RATE_HZ = 200.0  # of simulated records
+MARGIN_M = 0.2  # simulated beyond one loop, so that its end can be interpolated
+LEAD_S = 1.0  # simulated before and after the recording, for filters and fit
+EDGE_S = 1.0  # of the recording left out in the search, for the low-pass
+WANDER = 0.002  # of the speed where the machine's description gives none
+QUANTITIES = ('carriage_displacement', 'link_force', 'step_acceleration')  # best for speed first
+UNKNOWN_SD_S = 2.0  # of the shift between two loggers' clocks that no bag time ties together
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where and how fast a recording ran: all that the twin must be told to run beside it.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        ``set_speed_m_s`` is the real mean speed.
+    origin_ns : int
+        Time zero of the reference clock.
+    clocks : mapping of logger to Clock
+        By bag time; the reference logger's is neutral.
+    tied : bool
+        False where bag time does not tie the loggers' clocks together.
+    tracks : mapping of channel to Timed
+        Measured channels in reference time.
+    start_s_m : float
+        Path coordinate of axle 0 when the twin's run begins, ``LEAD_S`` before the origin.
+    duration_s : float
+        Of the twin's run.
+    travel : Travel
+        Over reference time; 0 where the twin's run begins.
+    lead : float
+        Log-likelihood by which the place beats the best one at another pitch.
+    findings : tuple of Finding
+    """
+
+    experiment: Experiment
+    origin_ns: int
+    clocks: Mapping[str, Clock]
+    tied: bool
+    tracks: Mapping[str, Timed]
+    start_s_m: float
+    duration_s: float
+    travel: Travel
+    lead: float
+    findings: tuple[Finding, ...]
+
+
+def locate(recording: Recording, machine: Machine, template: Template | None = None) -> Setting:
+    """Find clocks, speed and loop position of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    machine : Machine
+    template : Template, optional
+        One loop of the twin in this experiment; simulated where it is not given.
+
+    Raises
+    ------
+    RecordingError
+        Without experiment settings or samples.
+    SynchronisationError
+        Where speed or place cannot be known.
+    """
+    if recording.experiment is None:
+        raise RecordingError(
+            f'{recording.path}: no message on the experiment topic: direction, set speed, load '
+            f'and preload are not known'
+        )
+    origin = origin_ns(recording, machine)
+    clocks, tied = logger_clocks(recording, machine)
+    tracks = time_all(recording, machine, clocks, origin)
+    speed = _speed(tracks, machine, recording)
+    experiment = replace(recording.experiment, set_speed_m_s=speed.value)
+    if template is None:
+        template = simulate_loop(machine, experiment)
+    low = {c: lowpass(t.values, BAND_HZ, t.rate_hz) for c, t in tracks.items()}
+    place = _first_place(tracks, low, template, speed, recording.path, machine.chain.pitch_m)
+    end = max(float(t.time_s[-1]) for t in tracks.values())
+    margin = 2.0 * machine.chain.pitch_m
+    grid, columns = template.tiled(
+        place.start_m - margin, place.start_m + 1.02 * speed.high * end + margin
+    )
+    fit = fit_travel(
+        tracks,
+        columns,
+        grid,
+        speed.value / template.spacing_m,
+        speed.value,
+        place.start_m,
+        machine.drive.speed_wander or WANDER,
+        machine.instruments.channels_of(machine.instruments.reference_logger),
+        0.0 if tied else UNKNOWN_SD_S,
+    )
+    real = fit.travel.speed_m_s
+    begin = float(fit.travel.at(np.zeros(1))[0]) - real * LEAD_S
+    length = build_path(machine.guide).length_m
+    return Setting(
+        replace(experiment, set_speed_m_s=real),
+        origin,
+        clocks,
+        tied,
+        tracks,
+        template.place_at(begin, experiment.direction, length),
+        end + 2.0 * LEAD_S,
+        fit.travel.shifted(-begin),
+        place.lead,
+        tuple(recording.findings),
+    )
+
+
+def simulate_loop(machine: Machine, experiment: Experiment) -> Template:
+    """Simulate one loop from path coordinate 0 at constant speed."""
+    loop = machine.chain.n_links * machine.chain.pitch_m
+    simulation = make_simulation(machine, experiment)
+    duration = (loop + MARGIN_M) / experiment.set_speed_m_s
+    sensors = machine.instruments.sensors
+    trace = run_twin(simulation, sensors, 0.0, duration, RATE_HZ)
+    travel = trace.time_s * experiment.set_speed_m_s
+    channels = tuple(s.channel for s in sensors)
+    return make_template(channels, trace.columns, trace.place_m, travel, loop)
+
+
+def _speed(tracks: Mapping[str, Timed], machine: Machine, recording: Recording) -> SpeedEstimate:
+    """Estimate the mean speed from the first channel that tells it, the carriage's first."""
+    assert recording.experiment is not None
+    order = sorted(
+        (s for s in machine.instruments.sensors if s.channel in tracks),
+        key=lambda s: QUANTITIES.index(s.quantity) if s.quantity in QUANTITIES else 9,
+    )
+    reasons = []
+    for sensor in order:
+        track = tracks[sensor.channel]
+        try:
+            return estimate_speed(
+                track.time_s,
+                track.values,
+                machine.chain.pitch_m,
+                recording.experiment.set_speed_m_s,
+                machine.drive.speed_error,
+            )
+        except SynchronisationError as error:
+            reasons.append(f'{sensor.channel}: {error}')
+    raise SynchronisationError(f'{recording.path}: speed: ' + '; '.join(reasons))
+
+
+def _first_place(
+    tracks: Mapping[str, Timed],
+    low: Mapping[str, Floats],
+    template: Template,
+    speed: SpeedEstimate,
+    path: str,
+    pitch_m: float,
+) -> Place:
+    """Find the template's travel at reference time 0, to within the template's spacing."""
+    measured, first = {}, {}
+    for channel, track in tracks.items():
+        keep = slice(round(EDGE_S * track.rate_hz), -round(EDGE_S * track.rate_hz))
+        time, values = track.time_s[keep], low[channel][keep]
+        if len(time) < 2:
+            raise SynchronisationError(f'{path}: {channel}: too short: {len(track.time_s)} samples')
+        travel = speed.value * time
+        grid = np.arange(travel[0], travel[-1], template.spacing_m)
+        measured[channel] = np.interp(grid, travel, values)
+        first[channel] = travel[0]
+    loop = dict(zip(template.channels, template.values.T, strict=True))
+    start = min(first.values())
+    shifted = {
+        c: np.roll(loop[c], -round((first[c] - start) / template.spacing_m)) for c in measured
+    }
+    place = find_place(measured, shifted, template.spacing_m, pitch_m)
+    return replace(place, start_m=place.start_m - start)

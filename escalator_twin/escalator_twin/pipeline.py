@@ -1,0 +1,160 @@
+"""The walk from a bag to an answer: every arrow is one call."""
+
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from escalator_twin import bagfile
+from escalator_twin.comparison.document import SCHEMA, recording_document
+from escalator_twin.comparison.judge import Judgement, judge
+from escalator_twin.comparison.locate import RATE_HZ, Setting, locate
+from escalator_twin.errors import EscalatorError, NotYetError
+from escalator_twin.instruments import ideal, record
+from escalator_twin.machine import Machine, load_machine
+from escalator_twin.signals import Experiment, Recording
+from escalator_twin.twin import Progress, make_simulation, run_twin
+
+MODELS = {'two_sided': False, 'planar': True}
+
+
+def simulate_to_bag(
+    machine_path: str | Path,
+    experiment: Experiment,
+    duration_s: float,
+    start_s: float,
+    out: str | Path,
+    instruments: str = 'ideal',
+    seed: int = 0,
+    model: str | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run the twin and write what its instruments read as a rosbag2 directory.
+
+    Parameters
+    ----------
+    machine_path : path
+    experiment : Experiment
+    duration_s, start_s : float
+        Length of the recording, s, and path coordinate of axle 0 at its first sample, m.
+    out : path
+        A directory that does not exist yet.
+    instruments : {'ideal', 'real'}
+        Exact values on one clock, or with the data sheet's imperfections.
+    seed : int
+        Of the imperfections.
+    model : {'two_sided', 'planar'}, optional
+    progress : callable, optional
+        Gets (done, total).
+    """
+    machine = load_machine(machine_path)
+    if (model or 'two_sided') not in MODELS:
+        raise EscalatorError(f'model: expected one of {", ".join(MODELS)}, found {model!r}')
+    simulation = make_simulation(machine, experiment, MODELS[model or 'two_sided'])
+    sensors = machine.instruments.sensors + machine.instruments.simulated_only
+    trace = run_twin(simulation, sensors, start_s, duration_s, RATE_HZ, progress)
+    if instruments == 'ideal':
+        recording = ideal(trace, machine, experiment)
+    else:
+        recording = record(trace, machine, experiment, seed)
+    bagfile.write(out, recording, machine)
+    return {
+        'schema': 'escalator_twin/simulate/1',
+        'path': str(out),
+        'machine': machine.name,
+        'duration_s': duration_s,
+        'start_s_m': start_s,
+        'instruments': instruments,
+        'seed': seed,
+        'channels': {c: len(s.values) for c, s in recording.signals.items()},
+    }
+
+
+def compare_recording(
+    recording: Recording, machine: Machine, progress: Progress | None = None
+) -> tuple[Setting, Judgement]:
+    """Place one recording, run the twin beside it, score the agreement."""
+    setting = locate(recording, machine)
+    simulation = make_simulation(machine, setting.experiment)
+    trace = run_twin(
+        simulation,
+        machine.instruments.sensors,
+        setting.start_s_m,
+        setting.duration_s,
+        RATE_HZ,
+        progress,
+    )
+    return setting, judge(setting, trace, machine)
+
+
+def compare_bag(path: str, machine_path: str | Path) -> dict[str, Any]:
+    """Return one recording's part of the JSON of ``compare``."""
+    machine = load_machine(machine_path)
+    recording = bagfile.read(path, machine)
+    setting, judgement = compare_recording(recording, machine)
+    return recording_document(recording, setting, judgement, travelling_logger(machine))
+
+
+def travelling_logger(machine: Machine) -> str:
+    """Return the logger that is not the reference; empty where there is one clock."""
+    instruments = machine.instruments
+    others = [name for name in instruments.loggers if name != instruments.reference_logger]
+    return others[0] if others else ''
+
+
+def compare(
+    paths: list[str],
+    machine_path: str | Path,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Compare recordings with the twin; the JSON document of contracts.md.
+
+    Parameters
+    ----------
+    paths : list of str
+        rosbag2 directories or files.
+    machine_path : path
+    seed : int
+        Comparison draws no random numbers; kept for one interface of all verbs.
+    jobs : int
+        Processes at once.
+    progress : callable, optional
+        Gets (done, total) in recordings.
+    """
+    del seed
+    machine_path = str(machine_path)
+    documents = []
+    if jobs > 1 and len(paths) > 1:
+        with ProcessPoolExecutor(min(jobs, len(paths))) as pool:
+            for document in pool.map(compare_bag, paths, [machine_path] * len(paths)):
+                documents.append(document)
+                if progress is not None:
+                    progress(len(documents), len(paths))
+    else:
+        for path in paths:
+            documents.append(compare_bag(path, machine_path))
+            if progress is not None:
+                progress(len(documents), len(paths))
+    return {'schema': SCHEMA, 'machine': machine_path, 'recordings': documents}
+
+
+def diagnose(
+    paths: list[str],
+    machine_path: str | Path,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Name the causes of disagreement; not in this version.
+
+    Raises
+    ------
+    NotYetError
+        Always, the recordings having been read.
+    """
+    del seed, jobs, progress
+    machine = load_machine(machine_path)
+    for path in paths:
+        bagfile.read(path, machine)
+    raise NotYetError('diagnose: this version compares recordings; it does not name causes yet')

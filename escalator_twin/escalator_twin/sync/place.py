@@ -1,0 +1,96 @@
+"""Find where in the loop a recording begins, without slipping by a pitch."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from escalator_twin.errors import SynchronisationError
+from escalator_twin.signals import Floats
+
+FLOOR = 1e-3  # of variance: better agreement than this says nothing more about the place
+CLEAR = 3.0  # smallest lead, in log-likelihood a channel, of the best place over any other pitch
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the recording begins.
+
+    Attributes
+    ----------
+    start_m : float
+        Travel of the template at the recording's first travel, m, within one loop of travel.
+    lead : float
+        By how much its score exceeds the best one half a pitch or more away.
+    agreement : mapping
+        Squared correlation of each channel there.
+    """
+
+    start_m: float
+    lead: float
+    agreement: Mapping[str, float]
+
+
+def scores_of(measured: Floats, loop: Floats) -> Floats:
+    """Return the squared correlation of a signal with a periodic template at every shift.
+
+    Gain and offset are free, the gain's sign too: an inverted sensor still tells its place.
+
+    Parameters
+    ----------
+    measured : (m,) float64
+    loop : (n,) float64
+        One loop of the template, on the same spacing.
+
+    Returns
+    -------
+    squared : (n,) float64
+    """
+    n = len(loop)
+    counts = np.bincount(np.arange(len(measured)) % n, minlength=n).astype(float)
+    centred = measured - measured.mean()
+    folded = np.bincount(np.arange(len(measured)) % n, weights=centred, minlength=n)
+
+    def slide(kernel: Floats, values: Floats) -> Floats:
+        return np.fft.irfft(np.conj(np.fft.rfft(kernel)) * np.fft.rfft(values), n)
+
+    mean = slide(counts, loop) / len(measured)
+    power = slide(counts, loop**2) - len(measured) * mean**2
+    cross = slide(folded, loop)
+    total = float(centred @ centred)
+    if total <= 0.0:
+        return np.zeros(n)
+    return np.clip(cross**2 / (np.maximum(power, 1e-12 * power.max()) * total), 0.0, 1.0)
+
+
+def find_place(
+    measured: Mapping[str, Floats], loop: Mapping[str, Floats], spacing_m: float, pitch_m: float
+) -> Place:
+    """Find the shift at which all channels together agree best.
+
+    The score is the sum over channels of the log-likelihood of the residual's variance, each
+    channel with its own unknown gain and offset, so that one faulty channel cannot decide.
+
+    Parameters
+    ----------
+    measured : mapping of channel to (m,) float64
+        On an even grid of travel.
+    loop : mapping of channel to (n,) float64
+        One loop of the simulated signals on the same spacing.
+    spacing_m, pitch_m : float
+
+    Raises
+    ------
+    SynchronisationError
+        Where no channel is common to both.
+    """
+    common = [c for c in measured if c in loop]
+    if not common:
+        raise SynchronisationError('no channel tells the place in the loop')
+    squared = {c: scores_of(measured[c], loop[c]) for c in common}
+    score = -np.sum([np.log(1.0 - squared[c] + FLOOR) for c in common], axis=0)
+    best = int(np.argmax(score))
+    n = len(score)
+    away = np.abs((np.arange(n) - best + n // 2) % n - n // 2) * spacing_m >= 0.5 * pitch_m
+    lead = float(score[best] - score[away].max()) if away.any() else np.inf
+    return Place(best * spacing_m, lead, {c: float(squared[c][best]) for c in common})
