@@ -2,6 +2,7 @@
 # Build everything in the checkout: the virtual environment .venv (ROS 2 Jazzy and all else, from
 # locked wheels), then the colcon workspace in ros2_ws. What is up to date is not built again.
 #
+# setup.sh --check only says what is missing on this machine.
 # PYTHON=/path/to/python3.12 picks the interpreter (3.11, 3.12 or 3.13).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -48,6 +49,7 @@ command -v make >/dev/null || missing+=('no make (apt install make)')
 command -v "${CC:-cc}" >/dev/null || missing+=('no C compiler (apt install gcc)')
 command -v "${CXX:-c++}" >/dev/null || missing+=('no C++ compiler (apt install g++)')
 [[ ${#missing[@]} -eq 0 ]] || die "${missing[@]}"
+[[ "${1:-}" != --check ]] || exit 0
 
 # Two builds of one checkout at the same time would spoil each other.
 exec 9>ros2_ws/.setup.lock
