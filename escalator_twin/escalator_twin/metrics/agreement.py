@@ -1,0 +1,96 @@
+"""Point-by-point agreement of two signals on one grid, in time and in their spectra."""
+
+import numpy as np
+from scipy import fft, signal
+
+from escalator_twin.metrics.filters import centred, thinning
+from escalator_twin.signals import Floats
+
+SPECTRUM_SAMPLES = 20.0  # kept per period of the highest frequency asked for
+
+
+def deviation(values: Floats) -> float:
+    """Return the standard deviation of ``values`` (n,), exactly 0 where they are constant."""
+    if len(values) < 2:
+        return 0.0
+    less = centred(values)
+    return float(np.sqrt(np.dot(less, less) / len(less)))
+
+
+def correlation(measured: Floats, simulated: Floats) -> float | None:
+    """Return Pearson's correlation of two signals (n,), unitless.
+
+    ``None`` where one of them is constant or fewer than two samples are there.
+    """
+    if len(measured) < 2:
+        return None
+    m, s = centred(measured), centred(simulated)
+    scale = np.sqrt(np.dot(m, m)) * np.sqrt(np.dot(s, s))
+    if not scale > 0.0:
+        return None
+    return float(np.clip(np.dot(m, s) / scale, -1.0, 1.0))
+
+
+def nrmse(measured: Floats, simulated: Floats) -> float | None:
+    """Return the root mean square difference over the measured standard deviation, unitless.
+
+    Means are removed first. ``None`` where the measured signal (n,) is constant.
+    """
+    if len(measured) < 2:
+        return None
+    m = centred(measured)
+    scale = np.dot(m, m)
+    if not scale > 0.0:
+        return None
+    difference = m - centred(simulated)
+    return float(np.sqrt(np.dot(difference, difference) / scale))
+
+
+def amplitude_spectra(rows: Floats, rate_hz: float, up_to_hz: float) -> Floats:
+    """Return the amplitudes of the bins above 0 up to ``up_to_hz`` behind a Hann window.
+
+    The bins are those of the full length n, k rate / n, whatever its prime factors: the
+    windowed signals are thinned and their spectra taken at these bins by the chirp-z
+    transform.
+
+    Parameters
+    ----------
+    rows : (j, n) float64
+        Signals that hold nothing above ten times ``up_to_hz``, as behind a low-pass.
+    rate_hz : float
+        Rate of ``rows``, Hz.
+    up_to_hz : float
+        Highest frequency asked for, Hz.
+
+    Returns
+    -------
+    amplitudes : (j, k) float64
+        Unit of ``rows``; without columns where no bin lies in the range.
+    """
+    n = rows.shape[-1]
+    n_bins = min(int(up_to_hz * n / rate_hz + 1e-9), (n - 1) // 2)
+    if n_bins < 1:
+        return np.zeros((len(rows), 0))
+    # the chirp-z transform needs two bins to step between
+    step = thinning(rate_hz, SPECTRUM_SAMPLES * up_to_hz) if n_bins > 1 else 1
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi / n * np.arange(0, n, step))
+    windowed = (rows[:, ::step] - rows.mean(axis=-1, keepdims=True)) * window
+    if step == 1:
+        lines = fft.rfft(windowed)[:, 1 : n_bins + 1]
+    else:
+        ends = (rate_hz / n, n_bins * rate_hz / n)
+        lines = signal.zoom_fft(windowed, ends, n_bins, fs=rate_hz / step, endpoint=True)
+    # a Hann window passes half of a line's amplitude, a real line splits in two
+    return np.abs(lines) * (4.0 * step / n)
+
+
+def spectrum_correlation(
+    measured: Floats, simulated: Floats, rate_hz: float, up_to_hz: float
+) -> float | None:
+    """Return Pearson's correlation of two signals' amplitude spectra, unitless.
+
+    Hann window, bins above 0 up to ``up_to_hz``; ``None`` for fewer than two bins or where
+    one signal is constant.
+    """
+    rows = np.stack([centred(measured), centred(simulated)])
+    return correlation(*amplitude_spectra(rows, rate_hz, up_to_hz))

@@ -1,0 +1,150 @@
+"""One channel, measured and simulated, in the bands that the metrics look at."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from escalator_twin.errors import SynchronisationError
+from escalator_twin.metrics.filters import bridge, centred, highpass, lowpass, Mask, thinning
+from escalator_twin.metrics.track import BAND_HZ, LOW_HZ, Track
+from escalator_twin.signals import Floats
+
+SLOW_HZ = 0.2  # second cut-off for accelerations, Cano-Moreno et al., section V.B
+SLOW_SAMPLES = 100.0  # per period of SLOW_HZ that the 2 Hz signal keeps for it
+
+
+class Pair(NamedTuple):
+    """A measured and a simulated array of one shape and unit."""
+
+    measured: Floats
+    simulated: Floats
+
+
+@dataclass(frozen=True)
+class Bands:
+    """A pair of signals on a track; every band is filtered once, when first asked for.
+
+    Build it with `split_bands`. Means are removed. Where ``valid`` is false both signals are
+    bridged by straight lines between the same samples, so that what a filter makes of
+    a gap is the same in both; the bridge itself is in no score taken sample by sample.
+
+    Attributes
+    ----------
+    track : Track
+    measured, simulated : (n,) float64
+        Bridged and centred, the channel's unit.
+    valid : (n,) bool
+    mean : Pair of float
+        The means that were removed.
+    """
+
+    track: Track
+    measured: Floats
+    simulated: Floats
+    valid: Mask
+    mean: tuple[float, float]
+
+    @cached_property
+    def low(self) -> Pair:
+        """Below 2 Hz, all n samples."""
+        rate = self.track.rate_hz
+        return Pair(lowpass(self.measured, LOW_HZ, rate), lowpass(self.simulated, LOW_HZ, rate))
+
+    @cached_property
+    def band(self) -> Pair:
+        """Below 20 Hz, every ``track.step``-th sample."""
+        rate, step = self.track.rate_hz, self.track.step
+        return Pair(
+            lowpass(self.measured, BAND_HZ, rate)[::step].copy(),
+            lowpass(self.simulated, BAND_HZ, rate)[::step].copy(),
+        )
+
+    @cached_property
+    def ripple(self) -> Pair:
+        """`band` without what is slower than half a cycle per pitch.
+
+        The high-pass runs in time, at the frequency that half a cycle per pitch has at the
+        mean speed: as good as in travel while the speed keeps within a few percent.
+        """
+        cut, rate = self.track.ripple_hz, self.track.rate_hz / self.track.step
+        band = self.band
+        return Pair(highpass(band.measured, cut, rate), highpass(band.simulated, cut, rate))
+
+    @cached_property
+    def trend(self) -> Pair:
+        """What `band` has below half a cycle per pitch."""
+        band, ripple = self.band, self.ripple
+        return Pair(band.measured - ripple.measured, band.simulated - ripple.simulated)
+
+    @cached_property
+    def slow(self) -> Pair:
+        """Samples kept of the signals below 0.2 Hz, on a thinned grid."""
+        step = thinning(self.track.rate_hz, SLOW_SAMPLES * SLOW_HZ)
+        rate, kept = self.track.rate_hz / step, self.track.kept
+        rows = [lowpass(row[::step].copy(), SLOW_HZ, rate) for row in self.low]
+        chosen = slice(-(-kept.start // step), -(-kept.stop // step))
+        return self._valid(Pair(*rows), chosen, step)
+
+    @cached_property
+    def low_kept(self) -> Pair:
+        """Samples of `low` that are scored."""
+        return self._valid(self.low, self.track.kept, 1)
+
+    @cached_property
+    def band_kept(self) -> Pair:
+        """Samples of `band` that are scored."""
+        return self._valid(self.band, self.track.kept_thin, self.track.step)
+
+    @cached_property
+    def ripple_kept(self) -> Pair:
+        """Samples of `ripple` that are scored."""
+        return self._valid(self.ripple, self.track.kept_thin, self.track.step)
+
+    @cached_property
+    def trend_kept(self) -> Pair:
+        """Samples of `trend` that are scored."""
+        return self._valid(self.trend, self.track.kept_thin, self.track.step)
+
+    def _valid(self, pair: Pair, kept: slice, step: int) -> Pair:
+        """Return the samples of ``pair`` in ``kept`` that are real."""
+        valid = self.valid[::step][kept]
+        if valid.all():
+            return Pair(pair.measured[kept], pair.simulated[kept])
+        return Pair(pair.measured[kept][valid], pair.simulated[kept][valid])
+
+
+def split_bands(
+    measured: Floats, simulated: Floats, track: Track, valid: Mask | None = None
+) -> Bands:
+    """Prepare one channel for scoring.
+
+    Parameters
+    ----------
+    measured, simulated : (n,) float64
+        The channel on the track's grid, its own unit; NaN where there is no sample.
+    track : Track
+        Where each sample was taken.
+    valid : (n,) bool, optional
+        False for samples that shall not count: gaps, spikes.
+
+    Raises
+    ------
+    SynchronisationError
+        Where the lengths differ.
+    """
+    n = len(track.travel_m)
+    for name, row in (('measured', measured), ('simulated', simulated), ('valid', valid)):
+        if row is not None and len(row) != n:
+            raise SynchronisationError(f'{name}: expected {n} samples, found {len(row)}')
+    real = np.isfinite(measured) & np.isfinite(simulated)
+    if valid is not None:
+        real &= valid
+    means = []
+    rows = []
+    for row in (measured, simulated):
+        whole = bridge(np.asarray(row, dtype=np.float64), real)
+        means.append(float(whole.mean()) if len(whole) else 0.0)
+        rows.append(centred(whole))
+    return Bands(track, rows[0], rows[1], real, (means[0], means[1]))

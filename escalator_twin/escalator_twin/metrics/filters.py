@@ -1,0 +1,77 @@
+"""Zero-phase filters on uniform grids, and bridges over samples that are missing."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from escalator_twin.signals import Floats
+
+Mask = NDArray[np.bool_]
+
+ORDER = 4  # Butterworth, as Cano-Moreno et al., section V
+# a large slow signal lies just below what the high-pass is to keep
+HIGHPASS_ORDER = 8
+# of a mean or an amplitude: below this a variation is rounding, not signal
+ROUNDING = 1e-12
+
+
+def lowpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
+    """Return ``values`` (n,) behind a Butterworth low-pass run forwards and backwards.
+
+    A cut-off at or above half the rate leaves the values as they are.
+    """
+    if cutoff_hz >= 0.5 * rate_hz or len(values) < 2:
+        return values
+    sections = signal.butter(ORDER, cutoff_hz, fs=rate_hz, output='sos')
+    return signal.sosfiltfilt(sections, values, padlen=min(_pad(sections), len(values) - 1))
+
+
+def highpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
+    """Return ``values`` (n,) behind a Butterworth high-pass run forwards and backwards.
+
+    Both ends are continued, mirrored in their last point, over three periods of the cut-off.
+    """
+    if not 0.0 < cutoff_hz < 0.5 * rate_hz or len(values) < 2:
+        return np.zeros_like(values)
+    sections = signal.butter(HIGHPASS_ORDER, cutoff_hz, 'highpass', fs=rate_hz, output='sos')
+    pad = min(int(3.0 * rate_hz / cutoff_hz), len(values) - 1)
+    return signal.sosfiltfilt(sections, values, padlen=pad)
+
+
+def _pad(sections: Floats) -> int:
+    """Return the length by which ``sosfiltfilt`` continues both ends where nobody asks."""
+    n_taps = 2 * len(sections) + 1
+    n_taps -= min(int((sections[:, 2] == 0).sum()), int((sections[:, 5] == 0).sum()))
+    return 3 * n_taps
+
+
+def bridge(values: Floats, valid: Mask) -> Floats:
+    """Return ``values`` (n,) with straight lines where ``valid`` (n,) is false.
+
+    Beyond the first and the last valid sample the value stays constant; without any valid
+    sample the result is zero.
+    """
+    if valid.all():
+        return values
+    if not valid.any():
+        return np.zeros(len(values))
+    index = np.arange(len(values), dtype=np.float64)
+    bridged = values.copy()
+    bridged[~valid] = np.interp(index[~valid], index[valid], values[valid])
+    return bridged
+
+
+def centred(values: Floats) -> Floats:
+    """Return ``values`` (n,) less their mean; exactly zero where they are constant."""
+    if len(values) == 0:
+        return values
+    mean = float(values.mean())
+    less = values - mean
+    if max(less.max(), -less.min()) <= ROUNDING * abs(mean):
+        return np.zeros(len(values))
+    return less
+
+
+def thinning(rate_hz: float, wanted_hz: float) -> int:
+    """Return the step that thins ``rate_hz`` to at least ``wanted_hz``, 1 where it cannot."""
+    return max(1, int(rate_hz / wanted_hz))

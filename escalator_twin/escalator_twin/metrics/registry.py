@@ -1,0 +1,141 @@
+"""All metrics of a channel by name; a new one is a function and a line here."""
+
+from collections.abc import Callable
+
+from escalator_twin.errors import NotYetError
+from escalator_twin.metrics.agreement import (
+    correlation,
+    nrmse,
+    spectrum_correlation,
+    SPECTRUM_SAMPLES,
+)
+from escalator_twin.metrics.bands import Bands
+from escalator_twin.metrics.ceiling import (
+    ceiling_r_time,
+    ceiling_share,
+    ripple_ceiling,
+    trend_ceiling,
+)
+from escalator_twin.metrics.filters import thinning
+from escalator_twin.metrics.lag import remaining_lag
+from escalator_twin.metrics.orders import order_scores
+from escalator_twin.metrics.track import LOW_HZ
+from escalator_twin.metrics.validation import area_metric, sprague_geers, theil
+
+NOT_YET = ('iso_18571',)
+
+Values = dict[str, float | None]
+Score = float | None | Values | list[Values]
+Metric = Callable[[Bands], Score]
+
+# keys of a channel in the JSON of `compare`, in its order
+CONTRACT = (
+    'r_time',
+    'r_freq',
+    'nrmse',
+    'lag_s',
+    'ceiling_r_time',
+    'ceiling_share',
+    'ripple_r',
+    'ripple_nrmse',
+    'ripple_ceiling',
+    'orders',
+)
+
+
+def _lag_s(bands: Bands) -> float | None:
+    """Return the delay left between the signals below 2 Hz, s."""
+    track = bands.track
+    valid = None if bands.valid.all() else bands.valid
+    return remaining_lag(*bands.low, track.rate_hz, track.kept, valid)
+
+
+def _r_freq(bands: Bands) -> float | None:
+    """Return the correlation of the amplitude spectra up to 2 Hz; gaps stay bridged."""
+    kept = bands.track.kept
+    measured, simulated = bands.low
+    return spectrum_correlation(measured[kept], simulated[kept], bands.track.rate_hz, LOW_HZ)
+
+
+def _orders(bands: Bands) -> list[Values]:
+    """Return ratio, phase and coherence at each order of the machine."""
+    return [
+        {
+            'cycles_per_pitch': score.cycles_per_pitch,
+            'amplitude_ratio': score.amplitude_ratio,
+            'phase_deg': score.phase_deg,
+            'coherence': score.coherence,
+        }
+        for score in order_scores(bands)
+    ]
+
+
+def _iso_18571(bands: Bands) -> Score:
+    """Refuse to rate by ISO/TS 18571, which this version does not compute."""
+    n = len(bands.low_kept.measured)
+    raise NotYetError(f'iso_18571: ISO/TS 18571 of {n} samples: not computed by this version')
+
+
+def _share_of_ceiling(bands: Bands) -> Values:
+    """Return the correlations as shares of what the measurement reaches against itself."""
+    return {
+        'r_time': _share(correlation(*bands.low_kept), ceiling_r_time(bands)),
+        'ripple_r': _share(correlation(*bands.ripple_kept), ripple_ceiling(bands)),
+        'trend_r': _share(correlation(*bands.trend_kept), trend_ceiling(bands)),
+    }
+
+
+def _area_metric(bands: Bands) -> float | None:
+    """Return the area metric of the signals below 2 Hz, on as few samples as these need."""
+    step = thinning(bands.track.rate_hz, SPECTRUM_SAMPLES * LOW_HZ)
+    measured, simulated = bands.low_kept
+    return area_metric(measured[::step], simulated[::step])
+
+
+def _share(score: float | None, ceiling: float | None) -> float | None:
+    """Return ``score`` over ``ceiling``, ``None`` where the ceiling says nothing."""
+    if score is None or ceiling is None or not ceiling > 0.0:
+        return None
+    return score / ceiling
+
+
+METRICS: dict[str, Metric] = {
+    # contracts.md, JSON of `compare`
+    'r_time': lambda bands: correlation(*bands.low_kept),
+    'r_freq': _r_freq,
+    'nrmse': lambda bands: nrmse(*bands.low_kept),
+    'lag_s': _lag_s,
+    'ceiling_r_time': ceiling_r_time,
+    'ceiling_share': ceiling_share,
+    'ripple_r': lambda bands: correlation(*bands.ripple_kept),
+    'ripple_nrmse': lambda bands: nrmse(*bands.ripple_kept),
+    'ripple_ceiling': ripple_ceiling,
+    'orders': _orders,
+    # accelerations below 0.2 Hz, Cano-Moreno et al., section V.B
+    'r_time_slow': lambda bands: correlation(*bands.slow),
+    # 20 Hz low-pass, as `nrmse_band_*` of `diagnose`
+    'r_band': lambda bands: correlation(*bands.band_kept),
+    'nrmse_band': lambda bands: nrmse(*bands.band_kept),
+    # mean, trend and ripple apart; a mean is an instrument's zero and no agreement
+    'mean_difference': lambda bands: bands.mean[1] - bands.mean[0],
+    'trend_r': lambda bands: correlation(*bands.trend_kept),
+    'trend_nrmse': lambda bands: nrmse(*bands.trend_kept),
+    'trend_ceiling': trend_ceiling,
+    # scores as shares of what the measurement reaches against itself
+    'share_of_ceiling': _share_of_ceiling,
+    # standard scores, signals below 2 Hz
+    'sprague_geers': lambda bands: sprague_geers(*bands.low_kept),
+    'theil': lambda bands: theil(*bands.low_kept),
+    'area_metric': _area_metric,
+    'iso_18571': _iso_18571,
+}
+
+
+def score(bands: Bands, names: tuple[str, ...] = CONTRACT) -> dict[str, Score]:
+    """Return the named metrics of one channel; ``None`` where one is undefined."""
+    return {name: METRICS[name](bands) for name in names}
+
+
+def available() -> tuple[str, ...]:
+    """Return the names of all metrics that this version computes."""
+    return tuple(name for name in METRICS if name not in NOT_YET)
