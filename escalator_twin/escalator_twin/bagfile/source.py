@@ -73,8 +73,10 @@ class Bag:
         self.message_count: int | None = None
         self._stack = ExitStack()
         self.files: list[StorageFile] = []
+        self.paths: list[Path] = []
         try:
-            for file in self._find():
+            self.paths = self._find()
+            for file in self.paths:
                 self._open(file)
         except OSError as error:
             self._stack.close()

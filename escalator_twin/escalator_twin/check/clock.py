@@ -1,0 +1,252 @@
+"""The loggers' clocks against each other, by what one recorder's clock says of both.
+
+Each message carries its logger's stamp and the time at which the recorder took it. Stamp minus bag
+time is the logger's clock minus the recorder's, less a latency. Its difference between two loggers
+is free of the recorder's clock, and of the latency as far as that is the same for both.
+"""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import theilslopes
+
+from escalator_twin.machine import Logger, Machine
+from escalator_twin.signals import Floats, Nanoseconds, Recording, Signal
+
+# Bag times that differ from the stamps by no more than this scatter were made from them: a
+# recorder's latency scatters by a hundred times as much.
+NO_LATENCY_S = 2e-6
+# Both loggers are compared in bins: long enough for a median over tens of messages, short
+# against a drift that changes; no more bins than the fit's pairs allow.
+BIN_S = 0.5
+MAX_BINS = 600
+MIN_PER_BIN = 5
+MIN_BINS = 4
+# A bag time that departs by more than this from the stamps' course is a jump of the recorder's.
+JUMP_S = 0.25
+JUMP_SPAN = 50
+# Median and this quantile of the latency give the same difference where both loggers' latency is
+# alike; what they differ by is the estimate's systematic doubt.
+EARLY = 0.9
+NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True)
+class ClockComparison:
+    """One logger's clock minus another's, by bag time.
+
+    ``offset_s`` and ``drift_ppm`` are at the start of the recording and its rate; ``None`` where
+    they cannot be known, and then ``reason`` says why.
+    """
+
+    logger: str = ''
+    reference: str = ''
+    offset_s: float | None = None
+    offset_low_s: float | None = None
+    offset_high_s: float | None = None
+    drift_ppm: float | None = None
+    drift_low_ppm: float | None = None
+    drift_high_ppm: float | None = None
+    reason: str = ''
+    remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def is_known(self) -> bool:
+        """Tell whether there is an estimate."""
+        return self.offset_s is not None
+
+    def document(self) -> dict[str, Any]:
+        """Return the comparison as JSON holds it."""
+        return asdict(self)
+
+
+class _Clock(NamedTuple):
+    """One logger's messages in the order of their arrival, seconds from a common origin."""
+
+    stamp_s: Floats
+    bag_s: Floats
+
+
+def compare_clocks(recording: Recording, machine: Machine) -> ClockComparison:
+    """Compare the first logger that is not the reference with the reference.
+
+    The reference is the logger whose clock the machine calls exact, else the most exact one.
+
+    Returns
+    -------
+    ClockComparison
+        95 % intervals; without an estimate where the recording cannot tell.
+    """
+    loggers = machine.instruments.loggers
+    if len(loggers) < 2:
+        return ClockComparison(reason='the machine has one logger: there is no other clock')
+    reference = min(loggers, key=lambda name: _error(loggers[name]))
+    others = [name for name in loggers if name != reference]
+    present = [name for name in others if _signals(recording, machine, name)]
+    logger = (present or others)[0]
+    return compare_loggers(recording, machine, logger, reference)
+
+
+def compare_loggers(
+    recording: Recording, machine: Machine, logger: str, reference: str
+) -> ClockComparison:
+    """Compare the clocks of two loggers; see `compare_clocks`."""
+
+    def unknown(reason: str) -> ClockComparison:
+        return ClockComparison(logger, reference, reason=reason)
+
+    found = {name: _signals(recording, machine, name) for name in (logger, reference)}
+    for name, signals in found.items():
+        if not signals:
+            return unknown(f'no messages of the logger {name}')
+    origin = min(int(s.bag_ns.min()) for signals in found.values() for s in signals)
+    clocks = {name: _clock(signals, origin) for name, signals in found.items()}
+    for name, clock in clocks.items():
+        difference = clock.stamp_s - clock.bag_s
+        if float(difference.max() - difference.min()) < NO_LATENCY_S:
+            return unknown(f'bag time equals the stamps of the logger {name}, up to a constant')
+    moving, fixed, remarks = _without_jumps(clocks[logger], clocks[reference])
+    fits = [_fit(moving, fixed, quantile) for quantile in (0.5, EARLY)]
+    if fits[0] is None:
+        return unknown('too few messages of both loggers side by side')
+    fit, early = fits[0], fits[1] or fits[0]
+    doubt_s = NORMAL_95 * fit.offset_error_s + abs(fit.offset_s - early.offset_s)
+    doubt = NORMAL_95 * fit.drift_error + abs(fit.drift - early.drift)
+    return ClockComparison(
+        logger,
+        reference,
+        fit.offset_s,
+        fit.offset_s - doubt_s,
+        fit.offset_s + doubt_s,
+        1e6 * fit.drift,
+        1e6 * (fit.drift - doubt),
+        1e6 * (fit.drift + doubt),
+        remarks=tuple(remarks),
+    )
+
+
+def _error(logger: Logger) -> float:
+    return abs(logger.offset_s) + 1e-3 * abs(logger.drift_ppm)
+
+
+def _signals(recording: Recording, machine: Machine, logger: str) -> list[Signal]:
+    """Return one signal a topic of a logger."""
+    topics: dict[str, Signal] = {}
+    for sensor in machine.instruments.sensors:
+        signal = recording.signals.get(sensor.channel)
+        if sensor.logger == logger and signal is not None and len(signal.values):
+            topics.setdefault(sensor.topic, signal)
+    return list(topics.values())
+
+
+def _clock(signals: list[Signal], origin: int) -> _Clock:
+    stamp: Nanoseconds = np.concatenate([s.stamp_ns for s in signals])
+    bag: Nanoseconds = np.concatenate([s.bag_ns for s in signals])
+    order = np.argsort(stamp, kind='stable')
+    # differences before floats: nanoseconds since 1970 do not fit a double
+    return _Clock((stamp[order] - origin) / 1e9, (bag[order] - origin) / 1e9)
+
+
+class _Jump(NamedTuple):
+    """The bag time jumps by ``size_s`` at message ``index``, at ``at_s`` by the stamps."""
+
+    index: int
+    at_s: float
+    size_s: float
+
+
+def _jumps(clock: _Clock) -> list[_Jump]:
+    """Return where a logger sees the bag time jump."""
+    ahead = clock.bag_s - clock.stamp_s
+    arrival, forward = np.diff(clock.bag_s), np.diff(clock.stamp_s)
+    found = []
+    for i in np.flatnonzero((np.abs(arrival - forward) > JUMP_S) & (forward < JUMP_S)) + 1:
+        before = float(np.median(ahead[max(0, i - JUMP_SPAN) : i]))
+        after = float(np.median(ahead[i : i + JUMP_SPAN]))
+        if abs(after - before) > JUMP_S:
+            found.append(_Jump(int(i), float(clock.bag_s[i - 1]), after - before))
+    return found
+
+
+def _without_jumps(a: _Clock, b: _Clock) -> tuple[_Clock, _Clock, list[str]]:
+    """Undo the jumps that both loggers see: those are the recorder's."""
+    seen = _jumps(b)
+    remarks = []
+    bag_a, bag_b = a.bag_s.copy(), b.bag_s.copy()
+    for jump in _jumps(a):
+        twins = [other for other in seen if _is_same(jump, other)]
+        if twins:
+            bag_a[jump.index :] -= jump.size_s
+            bag_b[twins[0].index :] -= jump.size_s
+            remarks.append(f'the bag time jumps by {jump.size_s:+.3f} s at {jump.at_s:.2f} s')
+    return _Clock(a.stamp_s, bag_a), _Clock(b.stamp_s, bag_b), remarks
+
+
+def _is_same(one: _Jump, other: _Jump) -> bool:
+    return abs(one.size_s - other.size_s) < JUMP_S / 2 and abs(one.at_s - other.at_s) < 1.0
+
+
+class _Line(NamedTuple):
+    """Offset at the start and rate of the difference of two clocks, with standard errors."""
+
+    offset_s: float
+    offset_error_s: float
+    drift: float
+    drift_error: float
+
+
+def _fit(moving: _Clock, fixed: _Clock, quantile: float) -> _Line | None:
+    """Fit a robust line to the difference of two clocks over time."""
+    start = max(moving.bag_s.min(), fixed.bag_s.min())
+    end = min(moving.bag_s.max(), fixed.bag_s.max())
+    width = max(BIN_S, (end - start) / MAX_BINS)
+    n_bins = int((end - start) // width)
+    if n_bins < MIN_BINS:
+        return None
+    edges = start + width * np.arange(n_bins + 1)
+    sides = [_binned(clock, edges, quantile) for clock in (moving, fixed)]
+    good = np.isfinite(sides[0]) & np.isfinite(sides[1])
+    if good.sum() < MIN_BINS:
+        return None
+    # by the reference's own clock: a replay's bag time may run at another rate
+    time = ((edges[:-1] + edges[1:]) / 2 + sides[1])[good] - fixed.stamp_s.min()
+    difference = (sides[0] - sides[1])[good]
+    slope, intercept, _, _ = theilslopes(difference, time)
+    residual = difference - intercept - slope * time
+    scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
+    kept = np.abs(residual) < 4.0 * scale
+    if kept.sum() < MIN_BINS:
+        return None
+    return _least_squares(time[kept], difference[kept])
+
+
+def _least_squares(time: Floats, difference: Floats) -> _Line:
+    """Fit a line; its value is taken at time 0, the start of the recording."""
+    middle = time.mean()
+    spread = float(((time - middle) ** 2).sum())
+    slope = float(((time - middle) * difference).sum()) / spread
+    level = float(difference.mean())
+    residual = difference - level - slope * (time - middle)
+    variance = float((residual**2).sum()) / max(len(time) - 2, 1)
+    return _Line(
+        level - slope * middle,
+        float(np.sqrt(variance * (1.0 / len(time) + middle**2 / spread))),
+        slope,
+        float(np.sqrt(variance / spread)),
+    )
+
+
+def _binned(clock: _Clock, edges: Floats, quantile: float) -> Floats:
+    """Return a quantile of stamp minus bag time in each bin of bag time; NaN where too few."""
+    result = np.full(len(edges) - 1, np.nan)
+    where = np.digitize(clock.bag_s, edges) - 1
+    inside = (where >= 0) & (where < len(result))
+    order = np.argsort(where[inside], kind='stable')
+    difference = (clock.stamp_s - clock.bag_s)[inside][order]
+    bounds = np.searchsorted(where[inside][order], np.arange(len(result) + 1))
+    for k in range(len(result)):
+        values = difference[bounds[k] : bounds[k + 1]]
+        if len(values) >= MIN_PER_BIN:
+            result[k] = np.quantile(values, quantile)
+    return result

@@ -1,0 +1,117 @@
+"""The document of the verb `check`."""
+
+from dataclasses import asdict
+import os
+from typing import Any
+
+from escalator_twin.bagfile import read
+from escalator_twin.bagfile.source import Bag, TopicInfo, topics_of
+from escalator_twin.check.clock import compare_clocks
+from escalator_twin.check.quality import quality
+from escalator_twin.machine import Machine
+from escalator_twin.signals import Finding, Recording
+
+SCHEMA = 'escalator_twin/check/1'
+
+
+def check(path: str | os.PathLike[str], machine: Machine) -> dict[str, Any]:
+    """Read a recording and judge it without a model.
+
+    Returns
+    -------
+    dict
+        ``schema, path, container, experiment, topics, clock, quality``; a topic of the machine
+        that is not in the recording has ``found: false``.
+
+    Raises
+    ------
+    BagError
+        Where the container cannot be read.
+    """
+    with Bag(path) as bag:
+        infos = topics_of(bag)
+        container = {
+            'files': [file.name for file in bag.paths],
+            'losses': list(bag.losses),
+            'notes': list(bag.notes),
+        }
+    recording = read(path, machine)
+    container['losses'] += [
+        f.detail for f in recording.findings if not f.channel and f.kind == 'data_gap'
+        and f.detail not in container['losses']
+    ]
+    clock = compare_clocks(recording, machine)
+    findings = quality(recording, machine, clock) + _experiment_missing(recording, machine)
+    experiment = recording.experiment
+    return {
+        'schema': SCHEMA,
+        'path': str(path),
+        'case_id': experiment.case_id if experiment else None,
+        'experiment': asdict(experiment) if experiment else None,
+        'container': container,
+        'topics': _topics(infos, recording, machine),
+        'clock': clock.document(),
+        'quality': [asdict(finding) for finding in findings],
+    }
+
+
+def _experiment_missing(recording: Recording, machine: Machine) -> list[Finding]:
+    described = machine.instruments.experiment
+    if described is None or recording.experiment is not None or not recording.signals:
+        return []
+    topic = machine.instruments.measured_topic(described.topic)
+    return [Finding('missing_topic', '', 0.0, 0.0, f'{topic}: no experiment')]
+
+
+def _topics(
+    infos: list[TopicInfo], recording: Recording, machine: Machine
+) -> list[dict[str, Any]]:
+    """Return all topics of the recording, then those that are expected and missing."""
+    instruments = machine.instruments
+    expected: dict[str, list[str]] = {}
+    for sensor in instruments.sensors:
+        expected.setdefault(instruments.measured_topic(sensor.topic), []).append(sensor.channel)
+    types = {instruments.measured_topic(s.topic): s.type for s in instruments.sensors}
+    if instruments.experiment:
+        name = instruments.measured_topic(instruments.experiment.topic)
+        expected.setdefault(name, [])
+        types[name] = instruments.experiment.type
+    start = min((info.first_ns for info in infos if info.n_messages), default=0)
+    rows = []
+    for info in infos:
+        channels = [c for c in expected.get(info.topic, []) if c in recording.signals]
+        span = (info.last_ns - info.first_ns) / 1e9
+        by_bag = (info.n_messages - 1) / span if span > 0.0 else None
+        rate = recording.signals[channels[0]].rate_hz if channels else by_bag
+        rows.append(
+            {
+                'topic': info.topic,
+                'type': info.type,
+                'found': True,
+                'expected': info.topic in expected,
+                'channels': channels,
+                'n_messages': info.n_messages,
+                'rate_hz': rate,
+                'first_s': (info.first_ns - start) / 1e9 if info.n_messages else None,
+                'last_s': (info.last_ns - start) / 1e9 if info.n_messages else None,
+                'serialization': info.serialization,
+            }
+        )
+    there = {info.topic for info in infos if info.n_messages}
+    for name in expected:
+        if name not in there:
+            rows.append(
+                {
+                    'topic': name,
+                    'type': types[name],
+                    'found': False,
+                    'expected': True,
+                    'channels': expected[name],
+                    'n_messages': 0,
+                    'rate_hz': None,
+                    'first_s': None,
+                    'last_s': None,
+                    'serialization': None,
+                }
+            )
+    return rows

@@ -1,0 +1,1 @@
+def suggest(path): return ''
