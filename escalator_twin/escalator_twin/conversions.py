@@ -39,6 +39,12 @@ def parse_path(text: str) -> Path:
     return tuple(parts)
 
 
+def path_text(path: Path) -> str:
+    """Return a path as it is written in a machine description."""
+    text = ''.join(f'[{part}]' if isinstance(part, int) else f'.{part}' for part in path)
+    return text.removeprefix('.')
+
+
 def get_field(message: Any, path: Path) -> Any:
     """Return the field at ``path``.
 

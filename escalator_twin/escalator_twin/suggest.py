@@ -1,1 +1,2 @@
-def suggest(path): return ''
+def suggest(path):
+    return ''

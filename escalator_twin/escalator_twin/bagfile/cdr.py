@@ -1,4 +1,4 @@
-"""Read and build serialised messages (CDR, little or big endian) by field path.
+"""Read serialised messages (CDR, little or big endian) by field path.
 
 OMG DDS-XTypes 1.3, section 7.4.3 (XCDR version 1, final types): four bytes of encapsulation,
 then the members in order, each aligned to its own size counted from behind the encapsulation;
@@ -7,7 +7,7 @@ lengths: so one message is walked, and all that have the same lengths in the sam
 read by columns.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import struct
 from typing import Any, Literal, NamedTuple
 
@@ -17,7 +17,7 @@ from rosbags.interfaces import Nodetype
 
 from escalator_twin.bagfile.container import Bytes
 from escalator_twin.bagfile.definitions import Types
-from escalator_twin.conversions import parse_path, Path
+from escalator_twin.conversions import Path, path_text
 
 NUMBERS = {
     'bool': '?',
@@ -223,7 +223,7 @@ def columns(
             layout = walk(rows[pending[0]].tobytes(), name, types, set(paths))
             missing = [path for path in paths if path not in layout.places]
             if missing:
-                raise CdrError(f'no number at {missing[0]}')
+                raise CdrError(f'no number at {path_text(missing[0])}')
         except CdrError:
             pending = pending[1:]
             continue
@@ -247,78 +247,3 @@ def _alike(rows: Bytes, pending: NDArray[np.int64], layout: Layout) -> NDArray[n
     first = rows[pending[0]]
     checked = np.array([0, 1] + [offset + i for offset, _ in layout.guards for i in range(4)])
     return pending[(rows[pending[:, None], checked] == first[checked]).all(axis=1)]
-
-
-def encode(name: str, types: Types, values: Mapping[Path, float | int | str]) -> bytes:
-    """Build a message: ``values`` at their paths, zero, '' and empty elsewhere (little endian).
-
-    Raises
-    ------
-    CdrError
-        Where a path is not of the type.
-    """
-    out = bytearray(b'\x00\x01\x00\x00')
-    left = dict(values)
-    _encode_message(out, name, types, (), left)
-    if left:
-        path = next(iter(left))
-        raise CdrError(f'{name} has no field {path_text(path)!r}')
-    return bytes(out)
-
-
-def path_text(path: Path) -> str:
-    """Return a path as it is written in a machine description."""
-    text = ''.join(f'[{part}]' if isinstance(part, int) else f'.{part}' for part in path)
-    return text.removeprefix('.')
-
-
-def _encode_message(
-    out: bytearray, name: str, types: Types, path: Path, left: dict[Path, float | int | str]
-) -> None:
-    if name not in types:
-        raise CdrError(f'the definition of {name} is missing')
-    for field, (kind, detail) in types[name][1]:
-        _encode_value(out, kind, detail, types, (*path, field), left)
-
-
-def _encode_value(
-    out: bytearray,
-    kind: Any,
-    detail: Any,
-    types: Types,
-    path: Path,
-    left: dict[Path, float | int | str],
-) -> None:
-    if kind == Nodetype.NAME:
-        _encode_message(out, detail, types, path, left)
-    elif kind == Nodetype.BASE:
-        _encode_base(out, detail[0], left.pop(path, None))
-    else:
-        element, n = detail
-        if kind == Nodetype.SEQUENCE:
-            depth = len(path)
-            n = 1 + max(
-                (int(p[depth]) for p in left if len(p) > depth and p[:depth] == path), default=-1
-            )
-            _encode_base(out, 'uint32', n)
-        for i in range(n):
-            _encode_value(out, element[0], element[1], types, (*path, i), left)
-
-
-def _encode_base(out: bytearray, name: str, value: float | int | str | None) -> None:
-    if name == 'string':
-        text = str(value or '').encode() + b'\x00'
-        _encode_base(out, 'uint32', len(text))
-        out += text
-        return
-    if name not in NUMBERS:
-        raise CdrError(f'fields of type {name} are not written')
-    dtype = np.dtype(NUMBERS[name]).newbyteorder('<')
-    out += b'\x00' * (-(len(out) - 4) % dtype.itemsize)
-    try:
-        out += np.array(value or 0, dtype=dtype).tobytes()
-    except (ValueError, OverflowError, TypeError) as error:
-        raise CdrError(f'{value!r} is no {name}') from error
-
-
-__all__ = ['CdrError', 'columns', 'encode', 'leaves', 'parse_path', 'path_text', 'walk']

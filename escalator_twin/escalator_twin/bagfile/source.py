@@ -15,8 +15,8 @@ import zstandard
 from escalator_twin.bagfile.compression import ZSTD_MAGIC
 from escalator_twin.bagfile.container import Block, Channel, Count, NOTHING, StorageFile
 from escalator_twin.bagfile.definitions import normalise_type
-from escalator_twin.bagfile.mcapfile import MAGIC as MCAP_MAGIC
 from escalator_twin.bagfile.mcapfile import McapFile
+from escalator_twin.bagfile.mcaprecords import MAGIC as MCAP_MAGIC
 from escalator_twin.bagfile.sqlitefile import MAGIC as SQLITE_MAGIC
 from escalator_twin.bagfile.sqlitefile import SqliteFile
 from escalator_twin.errors import BagError

@@ -14,9 +14,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores, TypesysError
 from rosbags.typesys.store import Typestore
 
-from escalator_twin.bagfile.cdr import CdrError, encode, walk
+from escalator_twin.bagfile.cdr import CdrError, walk
 from escalator_twin.bagfile.container import Bytes, Indices
 from escalator_twin.bagfile.definitions import Types, typestore_for
+from escalator_twin.bagfile.encoding import encode
 from escalator_twin.bagfile.ordering import Message
 from escalator_twin.conversions import experiment_values, parse_path, Path, STAMP
 from escalator_twin.errors import BagError

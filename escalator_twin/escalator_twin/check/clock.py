@@ -149,9 +149,9 @@ def _clock(signals: list[Signal], origin: int) -> _Clock:
 
 
 class _Jump(NamedTuple):
-    """The bag time jumps by ``size_s`` at message ``index``, at ``at_s`` by the stamps."""
+    """The bag time jumps by ``size_s`` at message ``n_before``, at ``at_s`` by the stamps."""
 
-    index: int
+    n_before: int
     at_s: float
     size_s: float
 
@@ -177,8 +177,8 @@ def _without_jumps(a: _Clock, b: _Clock) -> tuple[_Clock, _Clock, list[str]]:
     for jump in _jumps(a):
         twins = [other for other in seen if _is_same(jump, other)]
         if twins:
-            bag_a[jump.index :] -= jump.size_s
-            bag_b[twins[0].index :] -= jump.size_s
+            bag_a[jump.n_before :] -= jump.size_s
+            bag_b[twins[0].n_before :] -= jump.size_s
             remarks.append(f'the bag time jumps by {jump.size_s:+.3f} s at {jump.at_s:.2f} s')
     return _Clock(a.stamp_s, bag_a), _Clock(b.stamp_s, bag_b), remarks
 

@@ -5,6 +5,7 @@ import os
 from typing import Any
 
 from escalator_twin.bagfile import read
+from escalator_twin.bagfile.reading import namespace_of, topic_name
 from escalator_twin.bagfile.source import Bag, TopicInfo, topics_of
 from escalator_twin.check.clock import compare_clocks
 from escalator_twin.check.quality import quality
@@ -37,8 +38,9 @@ def check(path: str | os.PathLike[str], machine: Machine) -> dict[str, Any]:
         }
     recording = read(path, machine)
     container['losses'] += [
-        f.detail for f in recording.findings if not f.channel and f.kind == 'data_gap'
-        and f.detail not in container['losses']
+        f.detail
+        for f in recording.findings
+        if not f.channel and f.kind == 'data_gap' and f.detail not in container['losses']
     ]
     clock = compare_clocks(recording, machine)
     findings = quality(recording, machine, clock) + _experiment_missing(recording, machine)
@@ -68,12 +70,15 @@ def _topics(
 ) -> list[dict[str, Any]]:
     """Return all topics of the recording, then those that are expected and missing."""
     instruments = machine.instruments
+    namespace = namespace_of(machine, infos)
     expected: dict[str, list[str]] = {}
+    types: dict[str, str] = {}
     for sensor in instruments.sensors:
-        expected.setdefault(instruments.measured_topic(sensor.topic), []).append(sensor.channel)
-    types = {instruments.measured_topic(s.topic): s.type for s in instruments.sensors}
+        name = topic_name(machine, namespace, sensor.topic)
+        expected.setdefault(name, []).append(sensor.channel)
+        types[name] = sensor.type
     if instruments.experiment:
-        name = instruments.measured_topic(instruments.experiment.topic)
+        name = topic_name(machine, namespace, instruments.experiment.topic)
         expected.setdefault(name, [])
         types[name] = instruments.experiment.type
     start = min((info.first_ns for info in infos if info.n_messages), default=0)

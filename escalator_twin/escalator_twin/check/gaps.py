@@ -63,9 +63,7 @@ def sampling(signal: Signal, sensor: Sensor, start_ns: int) -> list[Finding]:
     return findings
 
 
-def edges(
-    signals: list[tuple[Signal, Sensor]], start_ns: int, end_ns: int
-) -> list[Finding]:
+def edges(signals: list[tuple[Signal, Sensor]], start_ns: int, end_ns: int) -> list[Finding]:
     """Tell which channels of one logger begin late or end early.
 
     Parameters
@@ -81,9 +79,9 @@ def edges(
         for first, last in ((start_ns, signal.stamp_ns[0]), (signal.stamp_ns[-1], end_ns)):
             n_missing = round(float(last - first) / period)
             if n_missing >= LONG_GAP:
-                span = ((int(t) - start_ns) / 1e9 for t in (first, last))
+                from_s, to_s = ((int(t) - start_ns) / 1e9 for t in (first, last))
                 text = f'{n_missing} samples missing at an end that other channels have'
-                findings.append(Finding('data_gap', signal.channel, *span, text))
+                findings.append(Finding('data_gap', signal.channel, from_s, to_s, text))
     return findings
 
 
@@ -102,6 +100,4 @@ def still_runs(values: Floats, longest: int) -> list[tuple[int, int]]:
     is_same = np.concatenate([[False], np.diff(values) == 0.0, [False]])
     change = np.diff(is_same.astype(np.int8))
     begins, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    return [
-        (int(b), int(e)) for b, e in zip(begins, ends, strict=True) if e - b + 1 > longest
-    ]
+    return [(int(b), int(e)) for b, e in zip(begins, ends, strict=True) if e - b + 1 > longest]

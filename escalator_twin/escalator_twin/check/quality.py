@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-
 from escalator_twin.check.clock import ClockComparison, compare_clocks
 from escalator_twin.check.drift import drifts
 from escalator_twin.check.gaps import edges, sampling
@@ -72,10 +70,10 @@ def _by_logger(channels: list[_Channel]) -> dict[str, list[_Channel]]:
 def clock_findings(clock: ClockComparison, machine: Machine) -> list[Finding]:
     """Judge the loggers' clocks against what the machine says of them."""
     findings = [Finding('clock_disagreement', '', 0.0, 0.0, text) for text in clock.remarks]
-    if clock.offset_s is None or clock.drift_ppm is None:
+    if clock.offset_s is None or clock.drift_ppm is None or clock.drift_high_ppm is None:
         return findings
     limit = machine.instruments.loggers[clock.logger]
-    doubt = max(float(np.subtract(clock.drift_high_ppm, clock.drift_ppm)), 0.0)
+    doubt = clock.drift_high_ppm - clock.drift_ppm
     if limit.drift_ppm and abs(clock.drift_ppm) > CLOCK_SHARE * limit.drift_ppm + doubt:
         text = (
             f'the clock of {clock.logger} runs {clock.drift_ppm:+.1f} ppm against '

@@ -73,9 +73,11 @@ def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     for k, part in enumerate(parts):
         if part.noise <= 0.0 or (sensor.noise > 0.0 and _is_ideal(part)):
             continue  # without noise a slow signal may well repeat itself
-        for begin, end in still_runs(part.values, longest_live_run(part.noise, part.resolution, n)):
+        for begin, end in still_runs(
+            part.values, longest_live_run(part.noise, part.resolution, n)
+        ):
             is_still[k, begin : end + 1] = True
-    all_still = is_still.all(axis=0)
+    all_still: NDArray[np.bool_] = np.asarray(is_still.all(axis=0))
     for begin, end in _spans(all_still):
         text = f'the value stands still for {time_s[end] - time_s[begin]:.2f} s'
         findings.append(_finding('data_gap', signal, time_s, begin, end, text))
@@ -123,9 +125,7 @@ def _dead_twin(a: Part, b: Part) -> int | None:
         return None  # nothing moves enough to tell
     covariance = float(np.cov(a.values, b.values)[0, 1])
     slope = covariance / live**2
-    if quiet < DEAD_NOISE * max(a.noise, b.noise) or not (
-        TWIN_SLOPE[0] < slope < TWIN_SLOPE[1]
-    ):
+    if quiet < DEAD_NOISE * max(a.noise, b.noise) or not (TWIN_SLOPE[0] < slope < TWIN_SLOPE[1]):
         return dead
     return None
 
@@ -172,9 +172,7 @@ def spikes(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     where = np.flatnonzero(hit)
     size = float(np.abs(_beyond(signal.values)[where]).max())
     text = f'{n} isolated outliers, the largest of {size:.3g} {signal.unit}'
-    return [
-        _finding('sensor_spikes', signal, time_s, int(where[0]), int(where[-1]), text)
-    ]
+    return [_finding('sensor_spikes', signal, time_s, int(where[0]), int(where[-1]), text)]
 
 
 def _beyond(values: Floats) -> Floats:
