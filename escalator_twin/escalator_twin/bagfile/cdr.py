@@ -40,6 +40,10 @@ MAX_DEPTH = 32
 MAX_LAYOUTS = 256  # different layouts on one topic, beyond which each message is walked by itself
 
 
+# what an empty message holds on the wire, as C knows no empty struct
+EMPTY = (('structure_needs_at_least_one_member', (Nodetype.BASE, ('uint8', 0))),)
+
+
 class CdrError(ValueError):
     """A message that does not fit its definition."""
 
@@ -158,12 +162,17 @@ class _Walker:
         return [int(i) for i in found if int(i) < n]
 
     def message(self, name: str, path: Path, depth: int) -> None:
-        if name not in self.types:
-            raise CdrError(f'the definition of {name} is missing')
-        for field, (kind, detail) in self.types[name][1]:
+        for field, (kind, detail) in fields_of(name, self.types):
             self.value(kind, detail, (*path, field), depth)
             if self.is_done():
                 return
+
+
+def fields_of(name: str, types: Types) -> Sequence[tuple[str, Any]]:
+    """Return a type's fields as they are on the wire; raise CdrError where it is not defined."""
+    if name not in types:
+        raise CdrError(f'the definition of {name} is missing')
+    return types[name][1] or EMPTY
 
 
 def walk(raw: bytes, name: str, types: Types, wanted: set[Path] | None = None) -> Layout:

@@ -1,6 +1,6 @@
 """What every kind of storage file hands out, and its limits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -67,6 +67,17 @@ class Block:
     bag_ns: Indices
     start: Indices
     size: Indices
+
+
+def count_blocks(blocks: Iterable[Block]) -> dict[int, Count]:
+    """Count messages by reading them."""
+    found: dict[int, Count] = {}
+    for block in blocks:
+        for index in np.unique(block.channel):
+            times = block.bag_ns[block.channel == index]
+            count = Count(len(times), int(times.min()), int(times.max()))
+            found[int(index)] = found.get(int(index), NOTHING) + count
+    return found
 
 
 @dataclass

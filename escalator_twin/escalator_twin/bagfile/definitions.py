@@ -52,7 +52,7 @@ def types_of(name: str, encoding: str, text: str) -> Types:
         As the bag has them; both may be empty or unusable.
     """
     own: Types = {}
-    if text.strip():
+    if text.strip() or encoding in TEXT_KINDS:  # of an empty message the text is empty too
         try:
             if encoding in IDL_KINDS or text.lstrip('=\n').startswith('IDL:'):
                 own = dict(get_types_from_idl(text))
@@ -60,7 +60,17 @@ def types_of(name: str, encoding: str, text: str) -> Types:
                 own = dict(get_types_from_msg(text, name))
         except FAILURES:
             own = {}
-    return {**known_types(), **own} if name in own else dict(known_types())
+    known = known_types()
+    if name in known and (not text.strip() or not _is_whole(name, {**known, **own})):
+        return known
+    return {**known, **own} if name in own else known
+
+
+def _is_whole(name: str, types: Types, above: tuple[str, ...] = ()) -> bool:
+    """Tell whether a type and all that it is made of are defined, none containing itself."""
+    if name not in types or name in above:
+        return False
+    return all(_is_whole(part, types, (*above, name)) for part in _named(types[name][1]))
 
 
 def source_text(name: str) -> str | None:

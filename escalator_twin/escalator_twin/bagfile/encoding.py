@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from escalator_twin.bagfile.cdr import CdrError, NUMBERS
+from escalator_twin.bagfile.cdr import CdrError, fields_of, NUMBERS
 from escalator_twin.bagfile.definitions import Types
 from escalator_twin.conversions import Path, path_text
 
@@ -31,9 +31,7 @@ def encode(name: str, types: Types, values: Mapping[Path, float | int | str]) ->
 def _encode_message(
     out: bytearray, name: str, types: Types, path: Path, left: dict[Path, float | int | str]
 ) -> None:
-    if name not in types:
-        raise CdrError(f'the definition of {name} is missing')
-    for field, (kind, detail) in types[name][1]:
+    for field, (kind, detail) in fields_of(name, types):
         _encode_value(out, kind, detail, types, (*path, field), left)
 
 

@@ -18,6 +18,7 @@ from escalator_twin.bagfile.container import (
     Block,
     Channel,
     Count,
+    count_blocks,
     Damage,
     Indices,
     MAX_CHUNK,
@@ -233,9 +234,8 @@ class McapFile:
         """Return how many messages each channel has, from the indices where there are any."""
         totals: dict[int, Count] = {}
 
-        def add(index: int, times: Indices) -> None:
-            found = Count(len(times), int(times.min()), int(times.max()))
-            totals[index] = totals.get(index, NOTHING) + found
+        def add(index: int, count: Count) -> None:
+            totals[index] = totals.get(index, NOTHING) + count
 
         for opcode, start, length in self._file.records():
             if opcode == HEADER:
@@ -245,18 +245,18 @@ class McapFile:
             elif opcode == MESSAGE and length >= 22:
                 head = self._file.body(start, 14)
                 if (index := self._ids.get(int.from_bytes(head[:2], 'little'))) is not None:
-                    add(index, np.frombuffer(head[6:], '<i8'))
+                    time = int(np.frombuffer(head[6:], '<i8')[0])
+                    add(index, Count(1, time, time))
             elif opcode == CHUNK:
                 indexed = self._file.indexed(start + length)
                 if indexed and all(number in self._ids for number in indexed):
                     for number, (at, size) in indexed.items():
-                        add(
-                            self._ids[number], np.frombuffer(self._file.body(at, size), '<i8')[::2]
-                        )
+                        times = np.frombuffer(self._file.body(at, size), '<i8')[::2]
+                        count = Count(len(times), int(times.min()), int(times.max()))
+                        add(self._ids[number], count)
                     continue
-                for block in self._safe_chunk(start, length):
-                    for index in np.unique(block.channel):
-                        add(int(index), block.bag_ns[block.channel == index])
+                for index, count in count_blocks(self._safe_chunk(start, length)).items():
+                    add(index, count)
         return totals
 
 

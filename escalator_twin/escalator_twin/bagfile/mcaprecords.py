@@ -67,8 +67,7 @@ class RecordFile:
 
     def records(self) -> Iterator[tuple[int, int, int]]:
         """Yield opcode, start and length of every record outside chunks, seeking over bodies."""
-        position = len(MAGIC)
-        rescue: list[int] | None = None
+        position = last = len(MAGIC)
         while position < self._size:
             self._file.seek(position)
             head = self._file.read(PREFIX)
@@ -81,21 +80,43 @@ class RecordFile:
             start = position + PREFIX
             if len(head) == PREFIX and opcode and start + length <= self._size:
                 yield opcode, start, length
-                position = start + length
+                last, position = position, start + length
                 if opcode == FOOTER:
                     position = self._behind_footer(position)
                 continue
-            if len(head) == PREFIX and opcode == CHUNK and not self._has_footer():
+            later = self._rescue(last, position)
+            if later is None and len(head) == PREFIX and opcode == CHUNK:
                 yield opcode, start, self._size - start  # what is left of a cut chunk
-            if rescue is None:
-                rescue = self._chunk_offsets()
-            later = [offset for offset in rescue if offset > position]
             where = f'damaged or cut off at byte {position} of {self._size}'
-            if not later:
+            if later is None:
                 self.damage.add(f'{where}: all before it is read')
                 return
-            self.damage.add(f'{where}: read on at byte {later[0]}')
-            position = later[0]
+            self.damage.add(f'{where}: read on at byte {later}')
+            last = position = later
+
+    def _rescue(self, last: int, position: int) -> int | None:
+        """Return where to read on behind damage, ``None`` where there is nothing more.
+
+        That is the next chunk by the summary, or the begin of another file, which the last whole
+        record may have run over.
+        """
+        found = [offset for offset in self._chunk_offsets() if offset > position]
+        if (magic := self._next_file(last)) is not None:
+            found.append(magic)
+        return min(found, default=None)
+
+    def _next_file(self, position: int) -> int | None:
+        """Return where the next magic with a header behind it stands."""
+        sought = MAGIC + bytes([HEADER])
+        self._file.seek(position)
+        behind = b''
+        while block := self._file.read(1 << 20):
+            data = behind + block
+            if (at := data.find(sought)) >= 0:
+                return position - len(behind) + at
+            position += len(block)
+            behind = data[-len(sought) + 1 :]
+        return None
 
     def _behind_footer(self, position: int) -> int:
         """Return where to read on behind a footer: the closing magic is passed over."""

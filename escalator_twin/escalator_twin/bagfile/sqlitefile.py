@@ -3,16 +3,21 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+import shutil
 import sqlite3
+import tempfile
 
 import numpy as np
 
-from escalator_twin.bagfile.container import Block, Channel, Count, Damage, MAX_CHUNK
+from escalator_twin.bagfile.container import Block, Channel, Count, count_blocks, Damage, MAX_CHUNK
 from escalator_twin.bagfile.definitions import normalise_type
 from escalator_twin.errors import BagError
 
 MAGIC = b'SQLite format 3\x00'
-BATCH = 4096  # messages that are handed out at once
+# what a damaged database raises, texts that are no UTF-8 in its own messages included
+FAILURES = (sqlite3.Error, UnicodeDecodeError, OverflowError, TypeError, ValueError)
+MAX_DATABASE = 1 << 40  # bytes that a cut database may say it had
+BATCH = 1 << 20  # bytes of messages that are handed out at once
 
 
 class SqliteFile:
@@ -29,11 +34,12 @@ class SqliteFile:
         self.damage = Damage()
         self.channels: list[Channel] = []
         self._ids: dict[int, int] = {}
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._database = self._connect()
         try:
             self._read_topics()
-        except sqlite3.Error as error:
-            self._database.close()
+        except FAILURES as error:
+            self.close()
             raise BagError(f'{path}: not a rosbag2 database: {error}') from error
 
     def _connect(self) -> sqlite3.Connection:
@@ -43,24 +49,51 @@ class SqliteFile:
         if log.is_file() and log.stat().st_size:
             modes.insert(0, 'mode=ro')
         uri = self.path.resolve().as_uri()
+        failure = ''
         for mode in modes:
             try:
-                database = sqlite3.connect(f'{uri}?{mode}', uri=True)
-                database.execute('SELECT count(*) FROM sqlite_master').fetchone()
-            except sqlite3.Error as error:
-                failure = error
-            else:
-                database.text_factory = lambda raw: raw.decode('utf-8', 'replace')
+                return _open(f'{uri}?{mode}')
+            except FAILURES as error:
+                failure = str(error)
+        if (padded := self._padded()) is not None:
+            with suppress(*FAILURES):
+                database = _open(f'{padded.as_uri()}?mode=ro&immutable=1')
+                self.damage.add('cut off: the messages before are read')
                 return database
+        self._clean()
         raise BagError(f'{self.path}: not a readable SQLite database: {failure}')
+
+    def _padded(self) -> Path | None:
+        """Return a copy of a file that was cut, as long as it says it was; else ``None``.
+
+        SQLite opens no database that is shorter than its header says.
+        """
+        with self.path.open('rb') as file:
+            head = file.read(32)
+        page_size = int.from_bytes(head[16:18], 'big')
+        page_size = 1 << 16 if page_size == 1 else page_size
+        n_bytes = page_size * int.from_bytes(head[28:32], 'big')
+        if not self.path.stat().st_size < n_bytes <= MAX_DATABASE:
+            return None
+        self._folder = tempfile.TemporaryDirectory(prefix='escalator-twin-')
+        copy = Path(self._folder.name) / 'cut.db3'
+        shutil.copyfile(self.path, copy)
+        with copy.open('r+b') as file:
+            file.truncate(n_bytes)
+        return copy
 
     def close(self) -> None:
         """Close the file."""
         self._database.close()
+        self._clean()
+
+    def _clean(self) -> None:
+        if self._folder is not None:
+            self._folder.cleanup()
 
     def _read_topics(self) -> None:
         texts: dict[str, tuple[str, str]] = {}
-        with suppress(sqlite3.Error):  # written since Iron only
+        with suppress(*FAILURES):  # written since Iron only
             rows = self._database.execute(
                 'SELECT topic_type, encoding, encoded_message_definition FROM message_definitions'
             )
@@ -80,21 +113,32 @@ class SqliteFile:
             for number, index in self._ids.items()
             if topics is None or self.channels[index].topic in topics
         ]
+        batch: list[tuple[int, int, bytes]] = []
+        n_bytes = 0
+        for row in self._rows(wanted):
+            batch.append(row)
+            n_bytes += len(row[2])
+            if n_bytes > BATCH:
+                yield self._block(batch)
+                batch, n_bytes = [], 0
+        if batch:
+            yield self._block(batch)
+
+    def _rows(self, wanted: list[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield messages one by one, as far as the database is whole."""
         marks = ','.join('?' * len(wanted))
-        cursor = self._database.cursor()
         try:
-            cursor.execute(
-                'SELECT topic_id, timestamp, data FROM messages '
-                f'WHERE topic_id IN ({marks}) AND length(data) < {MAX_CHUNK}',
+            yield from self._database.execute(
+                'SELECT topic_id, timestamp, CAST(data AS BLOB) FROM messages '
+                f'WHERE topic_id IN ({marks}) AND length(data) < {MAX_CHUNK} '
+                "AND typeof(timestamp) = 'integer'",
                 wanted,
             )
-            while rows := cursor.fetchmany(BATCH):
-                yield self._block(rows)
-        except (sqlite3.Error, OverflowError, TypeError, ValueError) as error:
+        except FAILURES as error:
             self.damage.add(f'damaged: {error}: all before it is read')
 
     def _block(self, rows: list[tuple[int, int, bytes]]) -> Block:
-        parts = [row[2] if isinstance(row[2], bytes) else b'' for row in rows]
+        parts = [row[2] for row in rows]
         size = np.array([len(part) for part in parts], dtype=np.int64)
         return Block(
             b''.join(parts),
@@ -115,6 +159,17 @@ class SqliteFile:
             for number, n, first, last in rows:
                 if number in self._ids:
                     found[self._ids[number]] = Count(int(n), int(first), int(last))
-        except (sqlite3.Error, TypeError, ValueError) as error:
-            self.damage.add(f'damaged: {error}: messages are not all counted')
+        except FAILURES:
+            return count_blocks(self.blocks(None))
         return found
+
+
+def _open(uri: str) -> sqlite3.Connection:
+    database = sqlite3.connect(uri, uri=True)
+    try:
+        database.execute('SELECT count(*) FROM sqlite_master').fetchone()
+    except BaseException:
+        database.close()
+        raise
+    database.text_factory = lambda raw: raw.decode('utf-8', 'replace')
+    return database
