@@ -79,6 +79,8 @@ class SqliteFile:
         copy = Path(self._folder.name) / 'cut.db3'
         shutil.copyfile(self.path, copy)
         with copy.open('r+b') as file:
+            # half a page would read as rows of zeros
+            file.truncate(self.path.stat().st_size // page_size * page_size)
             file.truncate(n_bytes)
         return copy
 
