@@ -1,18 +1,34 @@
-import numpy as np
+"""The loggers' clocks as the time axis takes them."""
 
+from collections.abc import Mapping
+
+from escalator_twin.check.clock import ClockComparison, compare_loggers
+from escalator_twin.machine import Machine
+from escalator_twin.signals import Recording
 from escalator_twin.sync.timeline import Clock
 
 
-def logger_clocks(recording, machine):
-    lines = {}
-    t0 = min(int(s.bag_ns[0]) for s in recording.signals.values())
-    for name in machine.instruments.loggers:
-        ch = [c for c in machine.instruments.channels_of(name) if c in recording.signals]
-        if not ch:
-            continue
-        s = recording.signals[sorted(ch)[0]]
-        t = (s.bag_ns - t0) * 1e-9
-        d = (s.stamp_ns - s.bag_ns) * 1e-9
-        lines[name] = np.polyfit(t, d, 1)
-    ref = lines.get(machine.instruments.reference_logger, np.zeros(2))
-    return {n: Clock(float(c[1] - ref[1]), float(c[0] - ref[0])) for n, c in lines.items()}, True
+def logger_clocks(
+    recording: Recording, machine: Machine
+) -> tuple[Mapping[str, Clock], Mapping[str, ClockComparison]]:
+    """Compare every logger that has samples with the reference logger, by bag time.
+
+    Returns
+    -------
+    clocks : mapping of logger to Clock
+        Neutral for the reference, and where bag time cannot tell.
+    comparisons : mapping of logger to ClockComparison
+        For the loggers beside the reference.
+    """
+    instruments = machine.instruments
+    reference = instruments.reference_logger
+    present = {
+        s.logger for s in instruments.sensors if s.channel in recording.signals
+    }
+    clocks, comparisons = {name: Clock() for name in instruments.loggers}, {}
+    for name in sorted(present - {reference}):
+        found = compare_loggers(recording, machine, name, reference)
+        comparisons[name] = found
+        if found.offset_s is not None and found.drift_ppm is not None:
+            clocks[name] = Clock(found.offset_s, found.drift_ppm * 1e-6)
+    return clocks, comparisons

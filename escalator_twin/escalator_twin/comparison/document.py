@@ -30,7 +30,7 @@ def recording_document(
     """
     assert recording.experiment is not None
     travel = judgement.travel
-    clock = setting.clocks.get(travelling)
+    clock = setting.comparisons.get(travelling)
     return {
         'path': recording.path,
         'case_id': recording.experiment.case_id,
@@ -44,8 +44,8 @@ def recording_document(
         'start_s_m': judgement.start_s_m,
         'clock': {
             'offset_s': clock.offset_s if clock else None,
-            'drift_ppm': clock.rate * 1e6 if clock else None,
-            'tied': setting.tied,
+            'drift_ppm': clock.drift_ppm if clock else None,
+            'by_bag_time': clock.document() if clock else None,
         },
         'place_lead': setting.lead if np.isfinite(setting.lead) else None,
         'sensor_pose': {k: list(v) for k, v in judgement.pose.items()},

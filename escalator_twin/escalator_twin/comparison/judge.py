@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from escalator_twin.comparison.locate import RATE_HZ, UNKNOWN_SD_S, WANDER, Setting
+from escalator_twin.comparison.locate import RATE_HZ, WANDER, Setting, shift_sd_s
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.metrics import Track, machine_orders, remove_sensor_pose, score_channel
 from escalator_twin.metrics.registry import Score
@@ -93,7 +93,7 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
         0.0,
         machine.drive.speed_wander or WANDER,
         machine.instruments.channels_of(reference),
-        0.0 if setting.tied else UNKNOWN_SD_S,
+        shift_sd_s(setting.comparisons),
         first=setting.travel,
     )
     aligned, pose = _align(setting, columns, way, sensors, fit.travel)

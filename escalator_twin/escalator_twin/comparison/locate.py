@@ -5,7 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from escalator_twin.check.clock import ClockComparison
 from escalator_twin.comparison.clocks import logger_clocks
+from escalator_twin.check.quality import quality
+from escalator_twin.comparison.mend import mend
 from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
@@ -39,8 +42,8 @@ class Setting:
         Time zero of the reference clock.
     clocks : mapping of logger to Clock
         By bag time; the reference logger's is neutral.
-    tied : bool
-        False where bag time does not tie the loggers' clocks together.
+    comparisons : mapping of logger to ClockComparison
+        Of the loggers beside the reference.
     tracks : mapping of channel to Timed
         Measured channels in reference time.
     start_s_m : float
@@ -57,7 +60,7 @@ class Setting:
     experiment: Experiment
     origin_ns: int
     clocks: Mapping[str, Clock]
-    tied: bool
+    comparisons: Mapping[str, ClockComparison]
     tracks: Mapping[str, Timed]
     start_s_m: float
     duration_s: float
@@ -83,13 +86,15 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     SynchronisationError
         Where speed or place cannot be known.
     """
+    findings = quality(recording, machine)
+    recording, findings = mend(recording, machine, findings)
     if recording.experiment is None:
         raise RecordingError(
             f'{recording.path}: no message on the experiment topic: direction, set speed, load '
             f'and preload are not known'
         )
     origin = origin_ns(recording, machine)
-    clocks, tied = logger_clocks(recording, machine)
+    clocks, comparisons = logger_clocks(recording, machine)
     tracks = time_all(recording, machine, clocks, origin)
     speed = _speed(tracks, machine, recording)
     experiment = replace(recording.experiment, set_speed_m_s=speed.value)
@@ -111,7 +116,7 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
         place.start_m,
         machine.drive.speed_wander or WANDER,
         machine.instruments.channels_of(machine.instruments.reference_logger),
-        0.0 if tied else UNKNOWN_SD_S,
+        shift_sd_s(comparisons),
     )
     real = fit.travel.speed_m_s
     begin = float(fit.travel.at(np.zeros(1))[0]) - real * LEAD_S
@@ -120,14 +125,19 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
         replace(experiment, set_speed_m_s=real),
         origin,
         clocks,
-        tied,
+        comparisons,
         tracks,
         template.place_at(begin, experiment.direction, length),
         end + 2.0 * LEAD_S,
         fit.travel.shifted(-begin),
         place.lead,
-        tuple(recording.findings),
+        tuple(findings),
     )
+
+
+def shift_sd_s(comparisons: Mapping[str, ClockComparison]) -> float:
+    """Return how far signals may move the reference's clock: not at all where bag time ties it."""
+    return 0.0 if all(c.is_known for c in comparisons.values()) else UNKNOWN_SD_S
 
 
 def simulate_loop(machine: Machine, experiment: Experiment) -> Template:
@@ -155,10 +165,11 @@ def _speed(tracks: Mapping[str, Timed], machine: Machine, recording: Recording) 
         try:
             return estimate_speed(
                 track.time_s,
-                track.values,
+                np.where(track.valid, track.values, np.nan),
                 machine.chain.pitch_m,
                 recording.experiment.set_speed_m_s,
                 machine.drive.speed_error,
+                machine.drive.speed_wander or WANDER,
             )
         except SynchronisationError as error:
             reasons.append(f'{sensor.channel}: {error}')

@@ -1,0 +1,92 @@
+"""Repair in memory what can be repaired without a guess; every repair is named."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from escalator_twin.check.values import own_noise, spike_mask
+from escalator_twin.machine import Machine, Sensor
+from escalator_twin.signals import Finding, Floats, Recording, Signal, read_only
+
+DEAD_NOISE = 3.0  # a part that moves by less than this many times its noise while others live
+LIVE_NOISE = 12.0  # the others then move by more than this
+MENDED = ('sensor_spikes', 'gauge_dead')
+
+
+def mend(
+    recording: Recording, machine: Machine, findings: list[Finding]
+) -> tuple[Recording, list[Finding]]:
+    """Bridge isolated outliers and leave out dead parts of a channel.
+
+    Parameters
+    ----------
+    recording : Recording
+    machine : Machine
+    findings : list of Finding
+        From ``check``; those that were mended come back with ``repaired`` set.
+
+    Returns
+    -------
+    recording : Recording
+        With new signals where something was mended.
+    findings : list of Finding
+    """
+    wanted = {(f.kind, f.channel) for f in findings if f.kind in MENDED}
+    signals = dict(recording.signals)
+    done: set[tuple[str, str]] = set()
+    for kind, channel in sorted(wanted):
+        if channel not in signals:
+            continue
+        sensor = machine.instruments.sensor(channel)
+        mender = _without_spikes if kind == 'sensor_spikes' else _without_dead
+        mended = mender(signals[channel], sensor)
+        if mended is not None:
+            signals[channel] = mended
+            done.add((kind, channel))
+    if not done:
+        return recording, findings
+    told = [
+        replace(f, repaired=f.repaired or (f.kind, f.channel) in done) for f in findings
+    ]
+    return replace(recording, signals=signals), told
+
+
+def _noise(part: Floats, sensor: Sensor) -> float:
+    """Return one standard deviation of a part's noise, by the description or its own."""
+    return sensor.noise * abs(sensor.scale) or own_noise(part)
+
+
+def _with_parts(signal: Signal, parts: Floats, values: Floats) -> Signal:
+    return replace(signal, parts=read_only(parts), values=read_only(values))
+
+
+def _without_spikes(signal: Signal, sensor: Sensor) -> Signal | None:
+    """Put straight lines where single samples stand far out of their neighbours."""
+    parts = np.array(signal.parts)
+    index = np.arange(len(parts))
+    hits = 0
+    for k in range(parts.shape[1]):
+        floor = sensor.resolution * abs(sensor.scale) / np.sqrt(12.0)
+        mask = spike_mask(parts[:, k], max(_noise(parts[:, k], sensor), floor))
+        if mask.any() and not mask.all():
+            parts[mask, k] = np.interp(index[mask], index[~mask], parts[~mask, k])
+            hits += int(mask.sum())
+    return _with_parts(signal, parts, parts.mean(axis=1)) if hits else None
+
+
+def _without_dead(signal: Signal, sensor: Sensor) -> Signal | None:
+    """Take the mean of the parts that live, those of each sign of bending weighing alike."""
+    parts = signal.parts
+    n = parts.shape[1]
+    moves = np.array([float(np.std(parts[:, k])) for k in range(n)])
+    noise = np.array([_noise(parts[:, k], sensor) for k in range(n)])
+    dead = moves < DEAD_NOISE * noise
+    still = np.array([np.mean(np.diff(parts[:, k]) == 0.0) > 0.9 for k in range(n)])
+    dead |= still
+    if not dead.any() or dead.all() or moves[~dead].min() < LIVE_NOISE * noise.max():
+        return None
+    bending = np.array(sensor.bending if len(sensor.bending) == n else [0.0] * n)
+    groups = [parts[:, (bending == sign) & ~dead] for sign in sorted(set(bending))]
+    if any(group.shape[1] == 0 for group in groups):
+        return None
+    return _with_parts(signal, parts, np.mean([g.mean(axis=1) for g in groups], axis=0))
