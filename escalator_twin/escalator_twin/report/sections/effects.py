@@ -1,0 +1,46 @@
+"""The causes that a diagnosis names."""
+
+from escalator_twin.report.charts import whisker
+from escalator_twin.report.documents import Json, number, Page, rows, table, text
+from escalator_twin.report.section import Context, Section
+
+
+def context(page: Page) -> Context | None:
+    """Return each diagnosis with its accepted causes, strongest first."""
+    if not page.diagnoses:
+        return None
+    return {
+        'diagnoses': [
+            {
+                'entry': entry,
+                'effects': [_effect(effect) for effect in rows(entry.data.get('effects'))],
+                'n_recordings': len(rows(entry.data.get('recordings'))),
+                'extended_machine': text(entry.data.get('extended_machine')),
+                'is_unexplained': table(entry.data.get('unexplained')).get('significant') is True,
+            }
+            for entry in page.diagnoses
+        ]
+    }
+
+
+def _effect(effect: Json) -> Context:
+    parameters = table(effect.get('parameters'))
+    alternatives = effect.get('alternatives')
+    return {
+        'cause': text(effect.get('cause')),
+        'location': table(effect.get('location')),
+        'probability': number(effect.get('probability')),
+        'alternatives': [text(a) for a in alternatives] if isinstance(alternatives, list) else [],
+        'parameters': [
+            (name, table(value) or {'value': value}, whisker(name, table(value)))
+            for name, value in parameters.items()
+        ],
+        'more': {
+            key: value
+            for key, value in effect.items()
+            if key not in ('cause', 'location', 'probability', 'alternatives', 'parameters')
+        },
+    }
+
+
+SECTION = Section('effects', 'Named causes', context)

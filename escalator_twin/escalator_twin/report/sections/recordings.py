@@ -1,0 +1,72 @@
+"""Every recording by itself: scores, overlays, spectra, orders."""
+
+from typing import Any
+
+from escalator_twin.report.documents import Entry, number, Page, rows, table
+from escalator_twin.report.drawing import still
+from escalator_twin.report.scores import SCORES, share
+from escalator_twin.report.section import Context, Section
+from escalator_twin.report.stacks import signal_stack, spectrum_stack, Stack
+
+OPEN = 1  # recordings whose details are open at first, where there are several
+COHERENT = 0.5  # below, ratio and phase of an order are printed pale
+
+
+def context(page: Page) -> Context | None:
+    """Return everything of each recording."""
+    if not page.recordings:
+        return None
+    return {
+        'chapters': [_chapter(entry) for entry in page.recordings],
+        'n_open': OPEN,
+        'scores': SCORES,
+        'coherent': COHERENT,
+    }
+
+
+def _chapter(entry: Entry) -> Context:
+    signals = signal_stack(entry)
+    spectra = spectrum_stack(entry, signals) if signals else None
+    channels = {name: table(scores) for name, scores in entry.data['channels'].items()}
+    return {
+        'entry': entry,
+        'channels': channels,
+        'shares': {
+            name: share(scores, 'ripple_r', 'ripple_ceiling') for name, scores in channels.items()
+        },
+        'pose': table(entry.data.get('sensor_pose')),
+        'band_hz': number(table(entry.data.get('overlay')).get('band_hz')),
+        'signals': _drawn(signals) if signals else None,
+        'spectra': _drawn(spectra) if spectra else None,
+        'orders': _orders(channels),
+    }
+
+
+def _drawn(stack: Stack) -> dict[str, Any]:
+    """Return a stack with its still pictures."""
+    axis = next(axis for axis in stack.axes if axis.name == stack.first_axis)
+    return {
+        'stack': stack,
+        'packed': stack.packed(),
+        'stills': [still(panel, axis) for panel in stack.panels],
+        'is_extended': any('extended' in panel.y for panel in stack.panels),
+    }
+
+
+def _orders(channels: dict[str, Any]) -> Context | None:
+    """Return the orders that any channel has, and each channel's scores at them."""
+    tables = {
+        name: {round(order, 6): row for row in rows(scores.get('orders')) if (order := _of(row))}
+        for name, scores in channels.items()
+    }
+    known = sorted({order for found in tables.values() for order in found})
+    if not known:
+        return None
+    return {'orders': known, 'tables': {name: found for name, found in tables.items() if found}}
+
+
+def _of(row: Any) -> float:
+    return number(row.get('cycles_per_pitch')) or 0.0
+
+
+SECTION = Section('recordings', 'Recordings', context)

@@ -1,0 +1,37 @@
+"""What no cause accounts for, and what else a diagnosis says."""
+
+from escalator_twin.report.documents import number, Page, table
+from escalator_twin.report.section import Context, Section
+
+TOLD_ELSEWHERE = (
+    'candidates',
+    'effects',
+    'extended_machine',
+    'gain',
+    'machine',
+    'recordings',
+    'schema',
+    'unexplained',
+    'would_change',
+)
+
+
+def context(page: Page) -> Context | None:
+    """Return the unexplained rest of each diagnosis and all keys that no other section tells."""
+    if not page.diagnoses:
+        return None
+    return {
+        'rests': [
+            {
+                'entry': entry,
+                'unexplained': table(entry.data.get('unexplained')),
+                'share': number(table(entry.data.get('unexplained')).get('share')),
+                'signature': table(table(entry.data.get('unexplained')).get('signature')),
+                'more': {k: v for k, v in entry.data.items() if k not in TOLD_ELSEWHERE},
+            }
+            for entry in page.diagnoses
+        ]
+    }
+
+
+SECTION = Section('unexplained', 'Unexplained', context)
