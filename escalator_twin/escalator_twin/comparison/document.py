@@ -1,13 +1,16 @@
 """A comparison as the JSON of contracts.md tells it."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from escalator_twin.check.clock import ClockComparison
 from escalator_twin.comparison.judge import Judgement
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats, Recording
+from escalator_twin.sync.travel import Ground
 
 SCHEMA = 'escalator_twin/compare/1'
 OVERLAY_HZ = 20.0  # of the overlays that a page draws
@@ -42,11 +45,7 @@ def recording_document(
             'high': travel.high_m_s,
         },
         'start_s_m': judgement.start_s_m,
-        'clock': {
-            'offset_s': clock.offset_s if clock else None,
-            'drift_ppm': clock.drift_ppm if clock else None,
-            'by_bag_time': clock.document() if clock else None,
-        },
+        'clock': clock_document(clock, judgement.by_signals),
         'place_lead': setting.lead if np.isfinite(setting.lead) else None,
         'sensor_pose': {k: list(v) for k, v in judgement.pose.items()},
         'channels': {c: dict(s) for c, s in judgement.scores.items()},
@@ -62,6 +61,37 @@ def recording_document(
             for f in setting.findings
         ],
         'overlay': overlay(judgement),
+    }
+
+
+def clock_document(
+    clock: ClockComparison | None, by_signals: Ground | None
+) -> dict[str, Any]:
+    """Return the clock by bag time where that tells it, else by the signals alone.
+
+    The signals tell the offset modulo one pitch period.
+    """
+    known = clock is not None and clock.is_known
+    start = (clock.offset_s or 0.0) if clock is not None else 0.0
+    rate = (clock.drift_ppm or 0.0) if clock is not None else 0.0
+    signals = None
+    if by_signals is not None:
+        signals = {
+            'offset_s': start + by_signals.shift_s,
+            'offset_sd_s': by_signals.shift_sd_s,
+            'drift_ppm': rate + 1e6 * by_signals.rate,
+            'drift_sd_ppm': 1e6 * by_signals.rate_sd,
+        }
+    best: Mapping[str, Any] = {}
+    if known and clock is not None:
+        best = {'offset_s': clock.offset_s, 'drift_ppm': clock.drift_ppm}
+    elif signals is not None:
+        best = signals
+    return {
+        'offset_s': best.get('offset_s'),
+        'drift_ppm': best.get('drift_ppm'),
+        'by_bag_time': clock.document() if clock is not None else None,
+        'by_signals': signals,
     }
 
 

@@ -1,12 +1,12 @@
 """Score the twin's signals against a recording's, both aligned by travel."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from escalator_twin.comparison.locate import RATE_HZ, WANDER, Setting, shift_sd_s
+from escalator_twin.comparison.locate import FREE, RATE_HZ, WANDER, Setting, fit_all
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.metrics import Track, machine_orders, remove_sensor_pose, score_channel
 from escalator_twin.metrics.registry import Score
@@ -14,7 +14,7 @@ from escalator_twin.physics.path import build_path
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats
 from escalator_twin.sync.timeline import Timed
-from escalator_twin.sync.travel import Travel, fit_travel
+from escalator_twin.sync.travel import Fit, Ground, Travel, fit_travel
 
 AXES = ('x', 'y', 'z')
 
@@ -53,8 +53,8 @@ class Judgement:
         Over reference time, 0 where the twin's run begins.
     start_s_m : float
         Path coordinate of axle 0 at the first sample of the travelling logger.
-    ground_shift_s : float
-        By how much the signals ask for the reference logger's clock to be moved.
+    by_signals : Ground or None
+        How the signals alone would move the reference's clock, modulo a pitch period.
     channels : mapping of channel to Aligned
     scores : mapping of channel to scores
     pose : mapping
@@ -63,7 +63,7 @@ class Judgement:
 
     travel: Travel
     start_s_m: float
-    ground_shift_s: float
+    by_signals: Ground | None
     channels: Mapping[str, Aligned]
     scores: Mapping[str, Mapping[str, Score]]
     pose: Mapping[str, tuple[float, ...]]
@@ -83,33 +83,56 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
     sensors = machine.instruments.sensors
     columns = {s.channel: trace.columns[:, i] for i, s in enumerate(sensors)}
     way = trace.time_s * setting.experiment.set_speed_m_s
-    reference = machine.instruments.reference_logger
-    fit = fit_travel(
-        _without_pose(setting, columns, way, sensors),
-        columns,
-        way,
-        RATE_HZ,
-        setting.travel.base_m_s,
-        0.0,
-        machine.drive.speed_wander or WANDER,
-        machine.instruments.channels_of(reference),
-        shift_sd_s(setting.comparisons),
-        first=setting.travel,
+    corrected = _without_pose(setting, columns, way, sensors)
+    base = setting.travel.base_m_s
+    fit = fit_all(
+        corrected, columns, way, RATE_HZ, base, 0.0, machine, setting.comparisons, setting.travel
     )
-    aligned, pose = _align(setting, columns, way, sensors, fit.travel)
+    by_signals = _signals_alone(corrected, columns, way, machine, fit)
+    tracks = _moved(setting.tracks, fit.ground, machine)
+    aligned, pose = _align(tracks, columns, way, sensors, fit.travel)
     scores = {c: _score(a, machine) for c, a in aligned.items()}
-    first = min(
-        (t.time_s[0] for c, t in setting.tracks.items() if c not in fit_ground(machine)),
-        default=0.0,
-    )
+    ground = machine.instruments.channels_of(machine.instruments.reference_logger)
+    riding = [t for c, t in tracks.items() if c not in ground] or list(tracks.values())
+    first = min(float(t.time_s[0]) for t in riding)
     length = build_path(machine.guide).length_m
     start = np.interp(fit.travel.at(np.array([first])), way, trace.place_m)[0] % length
-    return Judgement(fit.travel, float(start), fit.ground_shift_s, aligned, scores, pose)
+    return Judgement(fit.travel, float(start), by_signals, aligned, scores, pose)
 
 
-def fit_ground(machine: Machine) -> frozenset[str]:
-    """Return the channels of the reference logger."""
-    return machine.instruments.channels_of(machine.instruments.reference_logger)
+def _moved(
+    tracks: Mapping[str, Timed], ground: Ground, machine: Machine
+) -> dict[str, Timed]:
+    """Return the tracks with the reference logger's time moved as the signals ask."""
+    if ground.shift_s == 0.0 and ground.rate == 0.0:
+        return dict(tracks)
+    channels = machine.instruments.channels_of(machine.instruments.reference_logger)
+    return {
+        c: replace(t, time_s=t.time_s + ground.shift_s + ground.rate * t.time_s)
+        if c in channels
+        else t
+        for c, t in tracks.items()
+    }
+
+
+def _signals_alone(
+    tracks: Mapping[str, Timed],
+    columns: Mapping[str, Floats],
+    way: Floats,
+    machine: Machine,
+    fit: Fit,
+) -> Ground | None:
+    """Return how the signals alone would move the reference's clock; None with one logger."""
+    ground = machine.instruments.channels_of(machine.instruments.reference_logger)
+    there = ground & set(tracks)
+    if not there or there == set(tracks):
+        return None
+    start = replace(FREE, shift_s=fit.ground.shift_s, rate=fit.ground.rate)
+    wander = machine.drive.speed_wander or WANDER
+    free = fit_travel(
+        tracks, columns, way, RATE_HZ, fit.travel.base_m_s, 0.0, wander, ground, start, fit.travel
+    )
+    return free.ground
 
 
 def _simulated(track: Timed, column: Floats, way: Floats, travel: Travel) -> tuple[Floats, Floats]:
@@ -147,7 +170,7 @@ def _pose(
 
 
 def _align(
-    setting: Setting,
+    tracks: Mapping[str, Timed],
     columns: Mapping[str, Floats],
     way: Floats,
     sensors: tuple[Sensor, ...],
@@ -155,7 +178,7 @@ def _align(
 ) -> tuple[dict[str, Aligned], dict[str, tuple[float, ...]]]:
     """Evaluate the run where each sample was taken; take bias and pose out of accelerations."""
     aligned = {}
-    for channel, track in setting.tracks.items():
+    for channel, track in tracks.items():
         place, simulated = _simulated(track, columns[channel], way, travel)
         aligned[channel] = Aligned(
             track.values, simulated, track.time_s, place, track.valid, track.rate_hz
@@ -182,7 +205,7 @@ def _without_pose(
     setting: Setting, columns: Mapping[str, Floats], way: Floats, sensors: tuple[Sensor, ...]
 ) -> dict[str, Timed]:
     """Return the tracks with bias and rotation of accelerations removed, for the fit."""
-    aligned, _ = _align(setting, columns, way, sensors, setting.travel)
+    aligned, _ = _align(setting.tracks, columns, way, sensors, setting.travel)
     return {
         c: Timed(c, a.time_s, a.measured, a.valid, a.rate_hz) for c, a in aligned.items()
     }

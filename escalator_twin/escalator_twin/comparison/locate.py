@@ -18,7 +18,8 @@ from escalator_twin.sync.place import Place, find_place
 from escalator_twin.sync.speed import SpeedEstimate, estimate_speed
 from escalator_twin.sync.template import Template, make_template
 from escalator_twin.sync.timeline import Clock, Timed, origin_ns, time_all
-from escalator_twin.sync.travel import BAND_HZ, Travel, fit_travel
+from escalator_twin.sync.ground import scan_shift
+from escalator_twin.sync.travel import BAND_HZ, HELD, Fit, Ground, Travel, fit_travel
 from escalator_twin.twin import make_simulation, run_twin
 
 RATE_HZ = 200.0  # of simulated records
@@ -28,6 +29,7 @@ EDGE_S = 1.0  # of the recording left out in the search, for the low-pass
 WANDER = 0.002  # of the speed where the machine's description gives none
 QUANTITIES = ('carriage_displacement', 'link_force', 'step_acceleration')  # best for speed first
 UNKNOWN_SD_S = 2.0  # of the shift between two loggers' clocks that no bag time ties together
+FREE = Ground(shift_sd_s=0.05, rate_sd=1e-3)  # once the scan has found the nearest pitch period
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Setting:
         Path coordinate of axle 0 when the twin's run begins, ``LEAD_S`` before the origin.
     duration_s : float
         Of the twin's run.
+    ground : Ground
+        How the reference's samples were moved where bag time does not tie the loggers.
     travel : Travel
         Over reference time; 0 where the twin's run begins.
     lead : float
@@ -64,6 +68,7 @@ class Setting:
     tracks: Mapping[str, Timed]
     start_s_m: float
     duration_s: float
+    ground: Ground
     travel: Travel
     lead: float
     findings: tuple[Finding, ...]
@@ -101,22 +106,23 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     if template is None:
         template = simulate_loop(machine, experiment)
     low = {c: lowpass(t.values, BAND_HZ, t.rate_hz) for c, t in tracks.items()}
-    place = _first_place(tracks, low, template, speed, recording.path, machine.chain.pitch_m)
+    place = _first_place(
+        tracks, low, template, speed, recording.path, machine.chain.pitch_m
+    )
     end = max(float(t.time_s[-1]) for t in tracks.values())
     margin = 2.0 * machine.chain.pitch_m
     grid, columns = template.tiled(
         place.start_m - margin, place.start_m + 1.02 * speed.high * end + margin
     )
-    fit = fit_travel(
+    fit = fit_all(
         tracks,
         columns,
         grid,
         speed.value / template.spacing_m,
         speed.value,
         place.start_m,
-        machine.drive.speed_wander or WANDER,
-        machine.instruments.channels_of(machine.instruments.reference_logger),
-        shift_sd_s(comparisons),
+        machine,
+        comparisons,
     )
     real = fit.travel.speed_m_s
     begin = float(fit.travel.at(np.zeros(1))[0]) - real * LEAD_S
@@ -129,15 +135,46 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
         tracks,
         template.place_at(begin, experiment.direction, length),
         end + 2.0 * LEAD_S,
+        fit.ground,
         fit.travel.shifted(-begin),
         place.lead,
         tuple(findings),
     )
 
 
-def shift_sd_s(comparisons: Mapping[str, ClockComparison]) -> float:
-    """Return how far signals may move the reference's clock: not at all where bag time ties it."""
-    return 0.0 if all(c.is_known for c in comparisons.values()) else UNKNOWN_SD_S
+def fit_all(
+    tracks: Mapping[str, Timed],
+    templates: Mapping[str, Floats],
+    travel_m: Floats,
+    rate_hz: float,
+    base_m_s: float,
+    start_m: float,
+    machine: Machine,
+    comparisons: Mapping[str, ClockComparison],
+    first: Travel | None = None,
+) -> Fit:
+    """Fit travel to all channels, the reference's clock as free as bag time leaves it.
+
+    Where bag time does not tie the loggers, the travelling logger's channels are fitted first,
+    then the reference's are shifted to where they agree best, then all are fitted together.
+    """
+    wander = machine.drive.speed_wander or WANDER
+    ground = machine.instruments.channels_of(machine.instruments.reference_logger)
+    riding = {c: t for c, t in tracks.items() if c not in ground}
+    prior = HELD
+    if riding and len(riding) < len(tracks) and not all(c.is_known for c in comparisons.values()):
+        alone = fit_travel(
+            riding, templates, travel_m, rate_hz, base_m_s, start_m, wander, first=first
+        )
+        first = alone.travel
+        shift = scan_shift(
+            {c: t for c, t in tracks.items() if c in ground},
+            templates, travel_m, rate_hz, first, UNKNOWN_SD_S,
+        )  # fmt: skip
+        prior = replace(FREE, shift_s=shift)
+    return fit_travel(
+        tracks, templates, travel_m, rate_hz, base_m_s, start_m, wander, ground, prior, first
+    )
 
 
 def simulate_loop(machine: Machine, experiment: Experiment) -> Template:

@@ -16,6 +16,7 @@ FIT_RATE_HZ = 10.0
 EDGE_S = 1.0  # filter transients at the ends
 HUBER = 2.0  # residuals beyond this many robust deviations count linearly
 PASSES = 6
+DEPENDENT = FIT_RATE_HZ / (2.0 * BAND_HZ)  # samples to a free value: the band is narrower
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,35 @@ class Travel:
 
 
 @dataclass(frozen=True)
+class Ground:
+    """By how much signals ask for the reference logger's time to be moved.
+
+    Its sample at ``t`` belongs to ``t + shift_s + rate * t`` of the other loggers' time axis.
+
+    Attributes
+    ----------
+    shift_s, rate : float
+        s and s/s.
+    shift_sd_s, rate_sd : float
+        Standard deviations.
+    """
+
+    shift_s: float = 0.0
+    rate: float = 0.0
+    shift_sd_s: float = 0.0
+    rate_sd: float = 0.0
+
+
+HELD = Ground()
+
+
+@dataclass(frozen=True)
 class Fit:
     """A travel and the residual scale of each channel that it was found with."""
 
     travel: Travel
     scale: Mapping[str, float]
-    ground_shift_s: float
-    ground_shift_sd_s: float
+    ground: Ground
 
 
 def _knots(start: float, end: float) -> Floats:
@@ -101,9 +124,9 @@ def fit_travel(
     start_m: float,
     wander: float,
     ground: frozenset[str] = frozenset(),
-    ground_shift_sd_s: float = 0.0,
-    noise: Mapping[str, float] | None = None,
+    ground_prior: Ground = HELD,
     first: Travel | None = None,
+    noise: Mapping[str, float] | None = None,
 ) -> Fit:
     """Fit travel over time so that measured and simulated signals agree below 2 Hz.
 
@@ -127,13 +150,13 @@ def fit_travel(
     wander : float
         Relative speed wander that a machine may have.
     ground : frozenset of str
-        Channels of the ground logger, for which a time shift is found too.
-    ground_shift_sd_s : float
-        How far that shift may be from 0 (prior standard deviation); 0 holds it.
-    noise : mapping, optional
-        Smallest residual scale of each channel, in its unit.
+        Channels of the reference logger, whose time may be moved.
+    ground_prior : Ground
+        Where that begins and how far it may go (standard deviations; 0 holds it).
     first : Travel, optional
         A travel to begin with instead of ``start_m``.
+    noise : mapping, optional
+        Smallest residual scale of each channel, in its unit.
     """
     floor = noise or {}
     rows = {
@@ -160,27 +183,31 @@ def fit_travel(
     # prior: speed offset of each knot interval within the wander, first guess of speed loosely
     slope = np.diff(np.eye(n), axis=0) / np.diff(sites)[:, None]
     prior = np.diff(slope, axis=0) / (2.0 * wander * base_m_s)
-    shift, shift_sd = 0.0, ground_shift_sd_s
+    begun = np.array([ground_prior.shift_s, ground_prior.rate])
+    held = 1.0 / np.maximum([ground_prior.shift_sd_s, ground_prior.rate_sd], [1e-9, 1e-12]) ** 2
+    moved = begun.copy()
     scale: dict[str, float] = {}
-    covariance = np.eye(n + 1)
+    covariance = np.eye(n + 2)
     for _ in range(PASSES):
-        normal = np.zeros((n + 1, n + 1))
-        right = np.zeros(n + 1)
+        normal = np.zeros((n + 2, n + 2))
+        right = np.zeros(n + 2)
         normal[:n, :n] += prior.T @ prior
         right[:n] -= prior.T @ (prior @ coefficients)
-        normal[n, n] += 1.0 / max(shift_sd, 1e-9) ** 2
-        right[n] -= shift / max(shift_sd, 1e-9) ** 2
+        normal[[n, n + 1], [n, n + 1]] += held
+        right[n:] -= held * (moved - begun)
         for c, row in rows.items():
             basis = bases[c]
-            here = base_m_s * (row.time_s + shift * row.on_ground) + basis @ coefficients
+            late = (moved[0] + moved[1] * row.time_s) * row.on_ground
+            here = base_m_s * (row.time_s + late) + basis @ coefficients
             here = np.clip(here, template_travel_m[0], template_travel_m[-1])
             residual = row.measured - row.model(here)
             residual -= np.median(residual)
             scale[c] = max(1.4826 * float(np.median(np.abs(residual))), row.noise, 1e-12)
             weight = 1.0 / np.maximum(1.0, np.abs(residual) / (HUBER * scale[c])) / scale[c] ** 2
             rate = row.slope(here)
+            by_time = base_m_s * rate * float(row.on_ground)
             jacobian = np.column_stack(
-                [basis * rate[:, None], base_m_s * rate * float(row.on_ground)]
+                [basis * rate[:, None], by_time, by_time * row.time_s]
             )
             centre = weight @ jacobian / weight.sum()
             jacobian -= centre
@@ -189,11 +216,11 @@ def fit_travel(
             right += jacobian.T @ (residual * weight)
         change = np.linalg.solve(normal, right)
         coefficients = coefficients + change[:n]
-        shift += float(change[n])
+        moved = moved + change[n:]
         covariance = np.linalg.inv(normal)
         if np.abs(change[:n]).max() < 1e-6:
             break
-    return _finish(knots, coefficients, covariance, base_m_s, (start, end), scale, shift)
+    return _finish(knots, coefficients, covariance, base_m_s, (start, end), scale, moved)
 
 
 def _finish(
@@ -203,7 +230,7 @@ def _finish(
     base_m_s: float,
     span: tuple[float, float],
     scale: Mapping[str, float],
-    shift: float,
+    moved: Floats,
 ) -> Fit:
     """Turn coefficients into a Travel with the interval of its mean speed."""
     spline = BSpline(knots, coefficients, 3)
@@ -212,7 +239,10 @@ def _finish(
     difference = (ends[1] - ends[0]) / duration
     speed = base_m_s + float(difference @ coefficients)
     n = len(coefficients)
-    # neighbouring samples of a 2 Hz band at 10 Hz are not independent: 2.5 to a free value
-    deviation = float(np.sqrt(2.5 * difference @ covariance[:n, :n] @ difference))
+    covariance = DEPENDENT * covariance
+    deviation = float(np.sqrt(difference @ covariance[:n, :n] @ difference))
     travel = Travel(speed, speed - 1.96 * deviation, speed + 1.96 * deviation, base_m_s, spline)
-    return Fit(travel, dict(scale), shift, float(np.sqrt(2.5 * covariance[n, n])))
+    ground = Ground(
+        float(moved[0]), float(moved[1]), *(float(np.sqrt(covariance[k, k])) for k in (n, n + 1))
+    )
+    return Fit(travel, dict(scale), ground)

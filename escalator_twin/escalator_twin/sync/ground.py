@@ -1,0 +1,65 @@
+"""Tie a second logger's clock by signals alone, modulo one pitch period."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from escalator_twin.metrics.filters import lowpass
+from escalator_twin.signals import Floats
+from escalator_twin.sync.timeline import Timed
+from escalator_twin.sync.travel import BAND_HZ, EDGE_S, Travel
+
+SCAN_STEP_S = 0.02
+NEAR = 1.1  # of the least misfit: as good as the best; the smallest shift of these is taken
+
+
+def scan_shift(
+    tracks: Mapping[str, Timed],
+    templates: Mapping[str, Floats],
+    template_travel_m: Floats,
+    template_rate_hz: float,
+    travel: Travel,
+    reach_s: float,
+) -> float:
+    """Find the time shift of the tracks at which they agree best with their templates.
+
+    Signals that repeat with every pitch leave the shift open by whole pitch periods; of equally
+    good ones the smallest is returned.
+
+    Parameters
+    ----------
+    tracks : mapping of channel to Timed
+        Of the logger to be tied.
+    templates : mapping of channel to (n,) float64
+    template_travel_m : (n,) float64
+    template_rate_hz : float
+    travel : Travel
+        From the other loggers' signals.
+    reach_s : float
+        Largest shift looked at, s.
+
+    Returns
+    -------
+    shift_s : float
+    """
+    shifts = np.arange(-reach_s, reach_s + SCAN_STEP_S, SCAN_STEP_S)
+    misfit = np.zeros(len(shifts))
+    for channel, track in tracks.items():
+        if channel not in templates:
+            continue
+        edge = round(EDGE_S * track.rate_hz)
+        keep = slice(edge, -edge, max(1, round(track.rate_hz / 20.0)))
+        good = track.valid[keep]
+        measured = lowpass(track.values, BAND_HZ, track.rate_hz)[keep][good]
+        time = track.time_s[keep][good]
+        curve = CubicSpline(
+            template_travel_m, lowpass(templates[channel], BAND_HZ, template_rate_hz)
+        )
+        power = float(np.var(measured))
+        if power <= 0.0:
+            continue
+        for k, shift in enumerate(shifts):
+            misfit[k] += float(np.var(measured - curve(travel.at(time + shift)))) / power
+    near = np.flatnonzero(misfit <= NEAR * misfit.min() + 1e-12)
+    return float(shifts[near[np.argmin(np.abs(shifts[near]))]])
