@@ -68,7 +68,7 @@ def _default_value(store: Any, node: str, detail: Any) -> Any:
     if node == 'NAME':
         return _default(store, detail)
     if node == 'BASE':
-        return '' if detail[0] == 'string' else False if detail[0] == 'bool' else 0
+        return {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}.get(detail[0], 0)
     (element, inner), n = detail
     n = n if node == 'ARRAY' else 0
     if element.name == 'BASE' and inner[0] != 'string':

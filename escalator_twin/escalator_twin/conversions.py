@@ -30,7 +30,7 @@ def parse_path(text: str) -> Path:
     position = 0
     while position < len(text):
         match = _PART.match(text, position)
-        if match is None or (not parts and match.group(2) is not None):
+        if match is None or (not parts and text[0] in '.['):
             break
         parts.append(match.group(1) or int(match.group(2)))
         position = match.end()

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import theilslopes
 
-from escalator_twin.machine import Logger, Machine
+from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats, Nanoseconds, Recording, Signal
 
 # Bag times that differ from the stamps by no more than this scatter were made from them: a
@@ -71,7 +71,7 @@ class _Clock(NamedTuple):
 def compare_clocks(recording: Recording, machine: Machine) -> ClockComparison:
     """Compare the first logger that is not the reference with the reference.
 
-    The reference is the logger whose clock the machine calls exact, else the most exact one.
+    The reference is the one that the machine calls most exact.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def compare_clocks(recording: Recording, machine: Machine) -> ClockComparison:
     loggers = machine.instruments.loggers
     if len(loggers) < 2:
         return ClockComparison(reason='the machine has one logger: there is no other clock')
-    reference = min(loggers, key=lambda name: _error(loggers[name]))
+    reference = machine.instruments.reference_logger
     others = [name for name in loggers if name != reference]
     present = [name for name in others if _signals(recording, machine, name)]
     logger = (present or others)[0]
@@ -124,10 +124,6 @@ def compare_loggers(
         1e6 * (fit.drift + doubt),
         remarks=tuple(remarks),
     )
-
-
-def _error(logger: Logger) -> float:
-    return abs(logger.offset_s) + 1e-3 * abs(logger.drift_ppm)
 
 
 def _signals(recording: Recording, machine: Machine, logger: str) -> list[Signal]:

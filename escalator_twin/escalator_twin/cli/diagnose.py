@@ -4,7 +4,7 @@ import argparse
 
 from escalator_twin.cli.options import add_machine, check_bags
 from escalator_twin.cli.output import Document
-from escalator_twin.errors import NotYetError
+from escalator_twin.cli.progress import ProgressLine
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,8 +15,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Document:
     """Diagnose."""
-    check_bags(args.bags, args.machine)
-    raise NotYetError('diagnose: not in this version; the recordings can be read and compared')
+    file, _ = check_bags(args.bags, args.machine)
+    from escalator_twin import pipeline
+
+    with ProgressLine() as progress:
+        return pipeline.diagnose(
+            paths=args.bags,
+            machine_path=file,
+            seed=args.seed,
+            jobs=args.jobs,
+            progress=progress,
+        )
 
 
 def show(document: Document) -> str:

@@ -5,15 +5,15 @@ import sys
 import time
 from typing import TextIO
 
-# called with the share that is done, 0 to 1, and what is being done
-Progress = Callable[[float, str], None]
+# called with what is done and what there is to do, in the same unit
+Progress = Callable[[float, float], None]
 
 WIDTH = 30
 INTERVAL_S = 0.1  # between two drawings
 
 
 class ProgressLine:
-    """Draw ``[####----]  50 % text`` over itself; a context manager that leaves a clean line."""
+    """Draw ``[####----]  50 %`` over itself; a context manager that leaves a clean line."""
 
     def __init__(self, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic):
         self._stream = stream or sys.stderr
@@ -21,15 +21,15 @@ class ProgressLine:
         self._is_on = self._stream.isatty()
         self._last = -INTERVAL_S
 
-    def __call__(self, done: float, text: str = '') -> None:
-        """Show that the share ``done`` (0 to 1) is reached."""
+    def __call__(self, done: float, total: float = 1.0) -> None:
+        """Show that ``done`` of ``total`` is reached."""
+        share = min(max(done / total, 0.0), 1.0) if total > 0.0 else 1.0
         now = self._clock()
-        if not self._is_on or (now - self._last < INTERVAL_S and done < 1.0):
+        if not self._is_on or (now - self._last < INTERVAL_S and share < 1.0):
             return
         self._last = now
-        done = min(max(done, 0.0), 1.0)
-        bar = '#' * round(done * WIDTH)
-        self._stream.write(f'\r\x1b[K[{bar:-<{WIDTH}}] {100 * done:3.0f} % {text}'.rstrip())
+        bar = '#' * round(share * WIDTH)
+        self._stream.write(f'\r\x1b[K[{bar:-<{WIDTH}}] {100 * share:3.0f} %')
         self._stream.flush()
 
     def __enter__(self) -> 'ProgressLine':

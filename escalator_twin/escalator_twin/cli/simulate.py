@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='ideal',
         help='real: with the noise, zeros and clocks of the data sheet (%(default)s)',
     )
-    parser.add_argument('--model', help='formulation of the model, where there are several')
+    parser.add_argument('--model', help='formulation of the model; unknown ones are told')
 
 
 def run(args: argparse.Namespace) -> Document:
