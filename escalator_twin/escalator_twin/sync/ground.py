@@ -11,7 +11,9 @@ from escalator_twin.sync.timeline import Timed
 from escalator_twin.sync.travel import BAND_HZ, EDGE_S, Travel
 
 SCAN_STEP_S = 0.02
-NEAR = 1.1  # of the least misfit: as good as the best; the smallest shift of these is taken
+# A minimum counts as good as the best up to this factor and this share of the variance: the
+# scan's step alone costs a signal of one second's period 0.4 % of it.
+NEAR, NEAR_SHARE = 1.1, 0.01
 
 
 def scan_shift(
@@ -61,5 +63,8 @@ def scan_shift(
             continue
         for k, shift in enumerate(shifts):
             misfit[k] += float(np.var(measured - curve(travel.at(time + shift)))) / power
-    near = np.flatnonzero(misfit <= NEAR * misfit.min() + 1e-12)
+    padded = np.concatenate([[np.inf], misfit, [np.inf]])
+    is_minimum = (misfit <= padded[:-2]) & (misfit <= padded[2:])
+    is_good = misfit <= NEAR * misfit.min() + NEAR_SHARE * len(tracks)
+    near = np.flatnonzero(is_minimum & is_good)
     return float(shifts[near[np.argmin(np.abs(shifts[near]))]])
