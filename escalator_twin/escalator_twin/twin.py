@@ -1,13 +1,15 @@
 """The twin of a machine in an experiment: mechanics with its deviations, ready to run."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from escalator_twin.causes import alter_machine, alter_parameters
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics.parameters import make_parameters
 from escalator_twin.physics.path import build_path
-from escalator_twin.physics.rollout import STEP_S, Simulation, Trace
+from escalator_twin.physics.rollout import Simulation, STEP_S, Trace
 from escalator_twin.signals import Experiment
 
 CHUNK_S = 5.0  # simulated between two reports of progress
@@ -23,15 +25,25 @@ def make_simulation(
     Parameters
     ----------
     machine : Machine
+        Its ``deviations`` are applied in their order; see the causes.
     experiment : Experiment
         ``set_speed_m_s`` is the rack's real speed.
     planar : bool
         Lump both sides into one.
     step_s : float
         Time step, s.
+
+    Raises
+    ------
+    MachineError
+        Where a deviation names a cause, a key, a place or a size that there is not.
+    ExperimentError
+        Where a list of loads has another length than the chain has steps.
     """
-    parameters = make_parameters(machine, experiment, planar)
-    return Simulation(machine, parameters, build_path(machine.guide), step_s)
+    altered = alter_machine(machine)
+    parameters = alter_parameters(make_parameters(altered, experiment, planar), altered)
+    path = replace(build_path(altered.guide), segments=parameters.segments)
+    return Simulation(altered, parameters, path, step_s)
 
 
 def run_twin(
@@ -65,7 +77,5 @@ def run_twin(
         if progress is not None:
             progress(done, duration_s)
     columns = np.concatenate([t.columns for t in traces])
-    place = np.unwrap(
-        np.concatenate([t.place_m for t in traces]), period=simulation.path.length_m
-    )
+    place = np.unwrap(np.concatenate([t.place_m for t in traces]), period=simulation.path.length_m)
     return Trace(np.arange(len(columns)) / rate_hz, columns, place)

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from escalator_twin.physics.path import CARRIAGE, START, find_segment, locate
+from escalator_twin.physics.path import CARRIAGE, find_segment, SCALE, START
 from escalator_twin.signals import Floats
 
 NO_DOG = -(2**40)
@@ -190,7 +190,7 @@ def end_forces(p, state, q, v, w, h, base):
             x, z = q[j], q[j + 1]
             k, local, offset, tx, tz = find_segment(segments, hints[side, i], x, z, u, lift)
             hints[side, i] = k
-            s = segments[k, START] + local
+            s = segments[k, START] + local * segments[k, SCALE]
             moves = segments[k, CARRIAGE]
             places[side, i] = s
             v_t = (v[j] + moves * v_u) * tx + (v[j + 1] - v_lift) * tz
@@ -384,7 +384,7 @@ def carriage_step(p, q, w, h, reaction):
     """Return the carriage's acceleration; dry friction sticks or slides (set-valued)."""
     push = p.preload - p.carriage_stiffness * q[0] - p.carriage_damping * w[0] + reaction
     if q[0] > p.carriage_stop:
-        push -= p.stop_stiffness * (q[0] - p.carriage_stop)
+        push -= max(p.stop_stiffness * (q[0] - p.carriage_stop) + p.stop_damping * w[0], 0.0)
     mass = p.carriage_mass + 0.5 * h * p.carriage_damping + 0.25 * h * h * p.carriage_stiffness
     free = w[0] + h * push / mass
     dry = h * p.carriage_friction / mass

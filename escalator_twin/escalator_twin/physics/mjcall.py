@@ -3,8 +3,8 @@
 import ctypes
 from pathlib import Path
 
-import mujoco
 from llvmlite import ir
+import mujoco
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic

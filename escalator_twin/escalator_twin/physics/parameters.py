@@ -59,6 +59,7 @@ class Parameters(NamedTuple):
     carriage_friction: float
     carriage_stop: float  # displacement at which the stop is met; inf without
     stop_stiffness: float
+    stop_damping: float
     preload: float
     load: Floats  # (m, n) weight of each step on that side, N
     load_from: float
@@ -130,14 +131,15 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
         drive_damping=drive.damping_n_s_m * both,
         ripple=np.zeros((0, 3)),
         hunting=np.zeros((0, 3)),
-        speed=experiment.direction * experiment.set_speed_m_s,
+        speed=float(experiment.direction * experiment.set_speed_m_s),
         carriage_mass=machine.tensioner.mass_kg,
         carriage_stiffness=machine.tensioner.stiffness_n_m,
         carriage_damping=machine.tensioner.damping_n_s_m,
         carriage_friction=machine.tensioner.dry_friction_n,
         carriage_stop=np.inf,
         stop_stiffness=0.0,
-        preload=experiment.preload_n,
+        stop_damping=0.0,
+        preload=float(experiment.preload_n),
         load=np.repeat(weight[None], m, axis=0),
         load_from=machine.load.from_m,
         load_to=machine.load.to_m,

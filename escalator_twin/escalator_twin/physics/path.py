@@ -12,7 +12,8 @@ from escalator_twin.signals import Floats
 
 # Columns of a segment row. Lines and arcs share them; an arc's reference direction is the unit
 # vector from its centre to its middle, so that no angle of a half turn meets the cut of atan2.
-KIND, X, Z, CX, CZ, HALF, RADIUS, TURN, START, LENGTH, CARRIAGE, FIXED = range(12)
+# SCALE is path coordinate over length: 1, but on a landing that was laid longer than designed.
+KIND, X, Z, CX, CZ, HALF, RADIUS, TURN, START, LENGTH, CARRIAGE, FIXED, SCALE = range(13)
 LINE, ARC = 0.0, 1.0
 
 
@@ -22,12 +23,12 @@ class GuidePath:
 
     Attributes
     ----------
-    segments : (n, 12) float64
+    segments : (n, 13) float64
         See the column names of this module; lengths in m.
     length_m : float
-        Length of the loop with the carriage at rest.
+        Length of the loop with the carriage at rest, as designed.
     passenger_m : float
-        Length of the passenger run, from the lower end of the lower landing.
+        Length of the passenger run, from the lower end of the lower landing, as designed.
     """
 
     segments: Floats
@@ -37,7 +38,7 @@ class GuidePath:
 
 def _line(x: float, z: float, angle: float, length: float, fixed: float) -> list[float]:
     """Return a straight segment; ``fixed`` is the end that stays when the carriage moves."""
-    return [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed]
+    return [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed, 1.0]
 
 
 def _arc(
@@ -48,7 +49,7 @@ def _arc(
     middle = angle - turn * pi / 2 + turn * sweep / 2
     return [
         ARC, cx, cz, cos(middle), sin(middle), sweep / 2, radius, turn, 0.0,
-        radius * sweep, carriage, 0.0,
+        radius * sweep, carriage, 0.0, 1.0,
     ]  # fmt: skip
 
 
@@ -63,12 +64,13 @@ def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
     ----------
     guide : Guide
     upper_landing_extra_m : float
-        Added to the upper landing of both runs (cause ``landing_length``).
+        Added to the upper landing of both runs (cause ``landing_length``). Path coordinates stay
+        those of the design: the longer landing is mapped evenly on the designed one.
 
     Raises
     ------
     MachineError
-        Where rise and radii leave no straight incline.
+        Where rise and radii leave no straight incline, or no landing is left.
     """
     slope = radians(guide.inclination_deg)
     lower, upper = guide.lower_transition_radius_m, guide.upper_transition_radius_m
@@ -80,6 +82,11 @@ def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
             f'of {lower} and {upper} m at {guide.inclination_deg} deg'
         )
     landing_m = guide.upper_landing_m + upper_landing_extra_m
+    if upper_landing_extra_m != 0.0 and not min(landing_m, guide.upper_landing_m) > 0.0:
+        raise MachineError(
+            f'guide.upper_landing_m: {guide.upper_landing_m} m cannot be laid '
+            f'{upper_landing_extra_m} m longer'
+        )
     turnaround = guide.turnaround_radius_m
     x0 = -guide.lower_landing_m
     x1, z1 = lower * sin(slope), lower * (1.0 - cos(slope))
@@ -100,11 +107,14 @@ def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
         _line(0.0, -drop, pi, guide.lower_landing_m, 0.0),
         _arc(x0, -drop, pi, turnaround, -1.0, pi, 1.0),
     ]
+    for row in (rows[4], rows[6]) if upper_landing_extra_m != 0.0 else ():
+        row[SCALE] = guide.upper_landing_m / landing_m
     segments = np.array([row for row in rows if row[LENGTH] > 0.0])
-    segments[:, START] = np.concatenate([[0.0], np.cumsum(segments[:-1, LENGTH])])
+    designed = segments[:, LENGTH] * segments[:, SCALE]
+    segments[:, START] = np.concatenate([[0.0], np.cumsum(designed[:-1])])
     segments.setflags(write=False)
-    passenger = sum(row[LENGTH] for row in rows[:5])
-    return GuidePath(segments, float(segments[:, LENGTH].sum()), passenger)
+    passenger = sum(row[LENGTH] * row[SCALE] for row in rows[:5])
+    return GuidePath(segments, float(designed.sum()), passenger)
 
 
 @numba.njit(cache=True)
@@ -113,7 +123,7 @@ def locate(segments, k, x, z, u, w):
 
     Parameters
     ----------
-    segments : (n, 12) float64
+    segments : (n, 13) float64
     k : int
     x, z : float
         The point, m.
@@ -183,11 +193,11 @@ def point_at(segments, length, s, u):
     n = len(segments)
     k = n - 1
     for i in range(n):
-        if s < segments[i, START] + segments[i, LENGTH]:
+        if s < segments[i, START] + segments[i, LENGTH] * segments[i, SCALE]:
             k = i
             break
     row = segments[k]
-    local = s - row[START]
+    local = (s - row[START]) / row[SCALE]
     if row[KIND] == LINE:
         if row[FIXED] == 1.0:
             local = row[LENGTH] - (row[LENGTH] - local) * (1.0 + u / row[LENGTH])

@@ -11,8 +11,8 @@ from escalator_twin.physics import run
 from escalator_twin.physics.kernel import make_state
 from escalator_twin.physics.mjcall import step_address
 from escalator_twin.physics.model import build_spec, mass_diagonal
-from escalator_twin.physics.parameters import SIDES, Parameters
-from escalator_twin.physics.path import LENGTH, START, GuidePath, point_at
+from escalator_twin.physics.parameters import Parameters, SIDES
+from escalator_twin.physics.path import GuidePath, point_at, START
 from escalator_twin.physics.polygon import inscribe
 from escalator_twin.signals import Floats
 
@@ -21,6 +21,7 @@ RELAX_STEP_S = 2e-3
 RELAX_RATE = 12.0  # 1/s, about critical for the carriage on its spring with half the chain
 RELAX_STEPS = 4000
 SETTLE_S = 3.0  # after setting off at speed: several times the carriage's decay time
+MARGIN_PITCHES = 0.3
 AXES = {'x': run.ACCEL_X, 'y': run.ACCEL_Y, 'z': run.ACCEL_Z}
 
 
@@ -103,6 +104,7 @@ class Simulation:
         self, machine: Machine, parameters: Parameters, path: GuidePath, step_s: float = STEP_S
     ) -> None:
         self.machine, self.parameters, self.path, self.step_s = machine, parameters, path, step_s
+        self._given = parameters  # phases as given, for every start
         gauge = machine.chain.track_gauge_m / 2.0
         spec = build_spec(parameters, step_s, gauge, machine.roller.diameter_m / 2.0)
         self.model = spec.compile()
@@ -132,19 +134,33 @@ class Simulation:
         ExperimentError
             Where the place is not on the loop or the equilibrium cannot be found.
         """
-        p = self.parameters
+        p = self.parameters = self._given
         if not 0.0 <= start_s_m < self.path.length_m:
             raise ExperimentError(
                 f'start_s: expected 0 to {self.path.length_m:.4f} m, found {start_s_m!r}'
             )
-        self._equilibrium((start_s_m - p.speed * settle_s) % self.path.length_m)
+        way = p.speed * settle_s
+        self._equilibrium((start_s_m - way) % self.path.length_m, -way)
+        self._shift_phases(self.state.rack[0] + way, settle_s)
         self._set_off()
         if settle_s > 0.0:
-            margin = 0.1
+            # axle 0 runs ahead of the rack or behind it by the polygon's share of a pitch
+            margin = MARGIN_PITCHES * p.pitch_m / abs(p.speed)
             self.advance(max(settle_s - margin, 0.0), 1.0, np.zeros((0, 3), np.int64))
-            self._run_to(start_s_m, 4.0 * margin)
+            self._run_to(start_s_m, 3.0 * margin)
+        self._shift_phases(0.0, -self.time_s)
         self.state.rack[1] = 0.0
         self.data.time = 0.0
+
+    def _shift_phases(self, travel_m: float, time_s: float) -> None:
+        """Make the phases given for a travel and a time of 0 hold at these instead."""
+        p = self.parameters
+        if not len(p.ripple) + len(p.hunting):
+            return
+        ripple, hunting = p.ripple.copy(), p.hunting.copy()
+        ripple[:, 2] -= 2.0 * np.pi * ripple[:, 1] * travel_m / p.pitch_m
+        hunting[:, 2] -= 2.0 * np.pi * hunting[:, 1] * time_s
+        self.parameters = p._replace(ripple=ripple, hunting=hunting)
 
     def _run_to(self, start_s_m: float, limit_s: float) -> None:
         """Advance until axle 0 is at a place, to within half a step's way."""
@@ -168,8 +184,11 @@ class Simulation:
         ahead = self.state.speed[:, axle].mean() * self.step_s
         return float((first + total / sides + ahead) % self.path.length_m)
 
-    def _equilibrium(self, place_m: float) -> None:
-        """Find the state of rest with axle 0 about at a place and the rack held there."""
+    def _equilibrium(self, place_m: float, rolled_m: float) -> None:
+        """Find the state of rest with axle 0 about at a place and the rack held there.
+
+        ``rolled_m`` is the way that every roller has then rolled, 0 being at the first sample.
+        """
         p, state = self.parameters, self.state
         corners, u = inscribe(self.path, p.link_length.mean(axis=0), place_m)
         base = 2 if p.frame[0] > 0.0 else 1
@@ -185,7 +204,7 @@ class Simulation:
                 j = base + i * stride + 1 + 2 * side
                 q[j], q[j + 1] = x, z
         state.dog[:] = -(2**40)
-        state.roll[:] = 0.0
+        state.roll[:] = rolled_m
         state.acceleration[:] = 0.0
         # the rack holds the axle nearest to the drive's middle where the polygon has it
         middle = 0.5 * (p.drive_start + p.drive_end)

@@ -1,0 +1,28 @@
+"""The causes of contracts.md: what may be wrong with a machine or with its measurement."""
+
+from escalator_twin.causes.application import (
+    alter_imperfections,
+    alter_machine,
+    alter_parameters,
+    alter_recording,
+    apply,
+    check,
+)
+from escalator_twin.causes.base import Cause, Location, Parameter, Theta
+from escalator_twin.causes.registry import CAUSES, MACHINE_CAUSES, MEASUREMENT_CAUSES
+
+__all__ = [
+    'CAUSES',
+    'MACHINE_CAUSES',
+    'MEASUREMENT_CAUSES',
+    'Cause',
+    'Location',
+    'Parameter',
+    'Theta',
+    'alter_imperfections',
+    'alter_machine',
+    'alter_parameters',
+    'alter_recording',
+    'apply',
+    'check',
+]

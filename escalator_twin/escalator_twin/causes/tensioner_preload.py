@@ -1,0 +1,40 @@
+"""The preload is not the one that the experiment asked for.
+
+Law
+---
+Force on the carriage, outward positive: F = factor preload - k u - c u'. Each side's chain
+tension shifts by half of (factor - 1) preload, less what the spring takes back.
+
+Limits
+------
+The shift of the mean is hidden by the zeros of the gauges. What remains: rolling resistance
+grows with the normal force that tension makes in curves, contact and links are compressed more.
+
+Alike
+-----
+``tensioner_stiffness``, ``rolling_resistance`` in a single experiment.
+"""
+
+from escalator_twin.causes.base import Cause, Location, Parameter, Theta
+from escalator_twin.machine import Machine
+from escalator_twin.physics.parameters import Parameters
+
+
+def alter_parameters(
+    parameters: Parameters, _machine: Machine, _: Location, theta: Theta
+) -> Parameters:
+    """Return ``parameters`` with the preload scaled."""
+    return parameters._replace(preload=parameters.preload * theta['factor'])
+
+
+CAUSE = Cause(
+    name='tensioner_preload',
+    law="the preload is factor times the experiment's",
+    parameters=(Parameter('factor', '-', 0.1, 5.0, neutral=1.0, tolerance=0.02),),
+    places=(),
+    references=({'factor': 0.8}, {'factor': 1.25}),
+    acts_on=('carriage_displacement', 'link_force', 'step_acceleration', 'roller_normal_force'),
+    locked_to=('travel', 'guide'),
+    alike=('tensioner_stiffness', 'rolling_resistance'),
+    alter_parameters=alter_parameters,
+)
