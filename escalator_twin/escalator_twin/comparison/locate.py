@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from escalator_twin.check.clock import ClockComparison
+from escalator_twin.comparison.assign import mend_by_model
 from escalator_twin.comparison.clocks import logger_clocks
 from escalator_twin.check.quality import quality
 from escalator_twin.comparison.mend import mend
@@ -114,6 +115,9 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     grid, columns = template.tiled(
         place.start_m - margin, place.start_m + 1.02 * speed.high * end + margin
     )
+    tracks, wrong = mend_by_model(
+        tracks, low, columns, grid, speed.value, place.start_m, machine
+    )
     fit = fit_all(
         tracks,
         columns,
@@ -138,7 +142,7 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
         fit.ground,
         fit.travel.shifted(-begin),
         place.lead,
-        tuple(findings),
+        tuple([*findings, *wrong]),
     )
 
 

@@ -1,0 +1,107 @@
+"""Inverted axes and exchanged channels, as the twin shows them once the place is known."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from escalator_twin.machine import Machine
+from escalator_twin.signals import Finding, Floats
+from escalator_twin.sync.timeline import Timed
+
+# An axis counts as inverted where its squared correlation is at least this, with the wrong sign:
+# gravity alone, seen through the inclines, explains more than nine tenths of a healthy axis.
+INVERTED_R2 = 0.8
+# Two channels count as exchanged where the exchange multiplies the residual variance of both
+# together by less than this: left and right of one link differ by less, two links by more.
+EXCHANGED = 0.05
+FLOOR = 1e-4  # of variance: agreement better than this is not weighed
+
+
+def mend_by_model(
+    tracks: Mapping[str, Timed],
+    low: Mapping[str, Floats],
+    templates: Mapping[str, Floats],
+    template_travel_m: Floats,
+    speed_m_s: float,
+    start_m: float,
+    machine: Machine,
+) -> tuple[dict[str, Timed], list[Finding]]:
+    """Turn inverted axes and put exchanged channels back.
+
+    Parameters
+    ----------
+    tracks : mapping of channel to Timed
+    low : mapping of channel to (n,) float64
+        Their values, low-passed.
+    templates : mapping of channel to (m,) float64
+        The twin's channels on ``template_travel_m``.
+    template_travel_m : (m,) float64
+    speed_m_s, start_m : float
+        Mean speed, and travel of the template at reference time 0.
+    machine : Machine
+
+    Returns
+    -------
+    tracks : dict
+        With the channels mended.
+    findings : list of Finding
+        ``axis_inverted`` and ``channel_swap``, repaired.
+    """
+    mended, findings = dict(tracks), []
+    edge = {c: round(t.rate_hz) for c, t in tracks.items()}
+
+    def agreement(measured: str, simulated: str) -> float:
+        """Return the signed squared correlation of one channel with another's template."""
+        keep = slice(edge[measured], -edge[measured], 10)
+        good = tracks[measured].valid[keep]
+        travel = start_m + speed_m_s * tracks[measured].time_s[keep][good]
+        model = CubicSpline(template_travel_m, templates[simulated])(travel)
+        values = low[measured][keep][good]
+        if len(values) < 3 or np.std(values) == 0.0 or np.std(model) == 0.0:
+            return 0.0
+        r = float(np.corrcoef(values, model)[0, 1])
+        return r * abs(r)
+
+    sensors = [s for s in machine.instruments.sensors if s.channel in tracks]
+    for sensor in sensors:
+        if sensor.quantity != 'step_acceleration' or sensor.channel not in templates:
+            continue
+        if agreement(sensor.channel, sensor.channel) < -INVERTED_R2:
+            track = mended[sensor.channel]
+            mended[sensor.channel] = replace(track, values=-track.values)
+            findings.append(
+                _finding('axis_inverted', sensor.channel, track, 'reads with the wrong sign')
+            )
+    for one, other in _exchanged(sensors, agreement):
+        a, b = mended[one], mended[other]
+        mended[one] = replace(b, channel=one)
+        mended[other] = replace(a, channel=other)
+        findings.append(_finding('channel_swap', one, a, f'exchanged with {other}'))
+    return mended, findings
+
+
+def _exchanged(sensors: list, agreement) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
+    """Return pairs of channels of one kind that agree far better when exchanged."""
+    pairs = []
+    for one, other in combinations([s for s in sensors if s.quantity == 'link_force'], 2):
+        if one.unit != other.unit or one.rate_hz != other.rate_hz:
+            continue
+        a, b = one.channel, other.channel
+        straight = _left(agreement(a, a)) * _left(agreement(b, b))
+        crossed = _left(agreement(a, b)) * _left(agreement(b, a))
+        if crossed < EXCHANGED * straight:
+            pairs.append((a, b))
+    return pairs
+
+
+def _left(squared: float) -> float:
+    """Return the share of variance that is left."""
+    return 1.0 - max(squared, 0.0) + FLOOR
+
+
+def _finding(kind: str, channel: str, track: Timed, text: str) -> Finding:
+    span = float(track.time_s[-1] - track.time_s[0])
+    return Finding(kind, channel, 0.0, span, text, repaired=True)
