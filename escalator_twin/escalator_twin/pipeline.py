@@ -56,7 +56,7 @@ def simulate_to_bag(
         recording = ideal(trace, machine, experiment)
     else:
         recording = record(trace, machine, experiment, seed)
-    bagfile.write(out, recording, machine)
+    bagfile.write(out, recording, machine, machine.instruments.simulated_namespace)
     return {
         'schema': 'escalator_twin/simulate/1',
         'path': str(out),
