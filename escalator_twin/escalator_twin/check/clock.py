@@ -23,6 +23,7 @@ BIN_S = 0.5
 MAX_BINS = 600
 MIN_PER_BIN = 5
 MIN_BINS = 4
+RATE_POINTS = 200
 # A bag time that departs by more than this from the stamps' course is a jump of the recorder's.
 JUMP_S = 0.25
 JUMP_SPAN = 50
@@ -156,8 +157,10 @@ def _jumps(clock: _Clock) -> list[_Jump]:
     """Return where a logger sees the bag time jump."""
     ahead = clock.bag_s - clock.stamp_s
     arrival, forward = np.diff(clock.bag_s), np.diff(clock.stamp_s)
-    found = []
+    found: list[_Jump] = []
     for i in np.flatnonzero((np.abs(arrival - forward) > JUMP_S) & (forward < JUMP_S)) + 1:
+        if found and i - found[-1].n_before < JUMP_SPAN:
+            continue  # several topics' messages, on either side of one jump
         before = float(np.median(ahead[max(0, i - JUMP_SPAN) : i]))
         after = float(np.median(ahead[i : i + JUMP_SPAN]))
         if abs(after - before) > JUMP_S:
@@ -194,6 +197,7 @@ class _Line(NamedTuple):
 
 def _fit(moving: _Clock, fixed: _Clock, quantile: float) -> _Line | None:
     """Fit a robust line to the difference of two clocks over time."""
+    first = fixed.stamp_s.min()
     start = max(moving.bag_s.min(), fixed.bag_s.min())
     end = min(moving.bag_s.max(), fixed.bag_s.max())
     width = max(BIN_S, (end - start) / MAX_BINS)
@@ -201,12 +205,14 @@ def _fit(moving: _Clock, fixed: _Clock, quantile: float) -> _Line | None:
     if n_bins < MIN_BINS:
         return None
     edges = start + width * np.arange(n_bins + 1)
+    # a replay's bag time may run at another rate: taken out of both alike
+    rate = _rate(fixed)
+    moving, fixed = (_Clock(c.stamp_s - rate * c.bag_s, c.bag_s) for c in (moving, fixed))
     sides = [_binned(clock, edges, quantile) for clock in (moving, fixed)]
     good = np.isfinite(sides[0]) & np.isfinite(sides[1])
     if good.sum() < MIN_BINS:
         return None
-    # by the reference's own clock: a replay's bag time may run at another rate
-    time = ((edges[:-1] + edges[1:]) / 2 + sides[1])[good] - fixed.stamp_s.min()
+    time = (rate * (edges[:-1] + edges[1:]) / 2 + sides[1])[good] - first
     difference = (sides[0] - sides[1])[good]
     slope, intercept, _, _ = theilslopes(difference, time)
     residual = difference - intercept - slope * time
@@ -233,16 +239,22 @@ def _least_squares(time: Floats, difference: Floats) -> _Line:
     )
 
 
+def _rate(clock: _Clock) -> float:
+    """Return how fast a logger's stamps run by bag time: 1, but in a replay at another rate."""
+    chosen = np.linspace(0, len(clock.bag_s) - 1, RATE_POINTS).astype(int)
+    return float(theilslopes(clock.stamp_s[chosen], clock.bag_s[chosen])[0])
+
+
 def _binned(clock: _Clock, edges: Floats, quantile: float) -> Floats:
-    """Return a quantile of stamp minus bag time in each bin of bag time; NaN where too few."""
+    """Return a quantile of the stamps in each bin of bag time; NaN where there are too few."""
     result = np.full(len(edges) - 1, np.nan)
     where = np.digitize(clock.bag_s, edges) - 1
     inside = (where >= 0) & (where < len(result))
     order = np.argsort(where[inside], kind='stable')
-    difference = (clock.stamp_s - clock.bag_s)[inside][order]
+    values_in_order = clock.stamp_s[inside][order]
     bounds = np.searchsorted(where[inside][order], np.arange(len(result) + 1))
     for k in range(len(result)):
-        values = difference[bounds[k] : bounds[k + 1]]
+        values = values_in_order[bounds[k] : bounds[k + 1]]
         if len(values) >= MIN_PER_BIN:
             result[k] = np.quantile(values, quantile)
     return result

@@ -1,5 +1,7 @@
 """Creep of gauges that shows without a model: one loop against the next, link against link."""
 
+from collections.abc import Container
+
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
@@ -18,16 +20,28 @@ MIN_OVERLAP = 0.2
 SPEED_SHARE = 0.12
 
 
-def drifts(recording: Recording, machine: Machine) -> list[Finding]:
+def drifts(recording: Recording, machine: Machine, faulty: Container[str] = ()) -> list[Finding]:
     """Find links that creep away from the others between two passages of the same places.
 
-    A loop's duration is where a link's force repeats best; the mean difference of the two
+    A loop's duration is where a link's force repeats best; the median difference of the two
     passages, over the time between them, is the creep's rate.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its experiment tells about how long a loop takes.
+    machine : Machine
+        Describes the links' gauges.
+    faulty : container of str
+        Channels with another fault: these are left out.
     """
     sensors = [
         s
         for s in machine.instruments.sensors
-        if s.quantity == QUANTITY and s.thermal_drift and s.channel in recording.signals
+        if s.quantity == QUANTITY
+        and s.thermal_drift
+        and s.channel in recording.signals
+        and s.channel not in faulty
     ]
     if len(sensors) < 3 or recording.experiment is None:
         return []  # nothing to stand out from, or no idea of a loop's duration

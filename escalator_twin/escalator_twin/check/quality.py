@@ -6,7 +6,7 @@ from typing import NamedTuple
 from escalator_twin.check.clock import ClockComparison, compare_clocks
 from escalator_twin.check.drift import drifts
 from escalator_twin.check.gaps import edges, sampling
-from escalator_twin.check.values import hum, saturation, spikes, stillness, twins
+from escalator_twin.check.values import hum, saturation, spikes, stillness
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, Recording, Signal
 
@@ -16,7 +16,7 @@ CLOCK_SHARE = 1.2
 
 Detector = Callable[[Signal, Sensor, Floats], list[Finding]]
 # what looks at one channel by itself
-DETECTORS: tuple[Detector, ...] = (stillness, twins, saturation, spikes, hum)
+DETECTORS: tuple[Detector, ...] = (stillness, saturation, spikes, hum)
 
 
 class _Channel(NamedTuple):
@@ -55,7 +55,8 @@ def quality(
             time_s = (signal.stamp_ns - start) / 1e9
             for detector in DETECTORS:
                 findings += detector(signal, sensor, time_s)
-    findings += drifts(recording, machine)
+    faulty = {finding.channel for finding in findings}
+    findings += drifts(recording, machine, faulty)
     findings += clock_findings(clock or compare_clocks(recording, machine), machine)
     return findings
 

@@ -1,5 +1,6 @@
 """Faults of sensors that show in their own signal: still, dead, clipped, spiky, humming."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +11,8 @@ from escalator_twin.machine import Sensor
 from escalator_twin.signals import Finding, Floats, Signal
 
 # A sample further outside the range of its neighbours than this many times that range is a spike:
-# the sharpest impact of a roller, which rings, reaches 2.4 times.
-SPIKE_RANGE = 3.0
+# of a roller's impacts, which ring, the sharpest of 5 million samples reaches 3.1 times.
+SPIKE_RANGE = 5.0
 SPIKE_NEIGHBOURS = 4
 # ... and by this many standard deviations of the noise: force signals reach 7.6 by impacts.
 SPIKE_NOISE = 10.0
@@ -26,6 +27,7 @@ HUM_LINE = 8.0
 TWIN_SLOPE = (0.5, 2.0)
 # A gauge that moves by less than this many times its noise where its twin moves is dead.
 DEAD_NOISE = 3.0
+MIN_LIVE = 1000  # samples of two gauges side by side that a judgement needs
 # Samples piled up at an extreme against the fullest of the next bins.
 CLIP_COUNT = 20
 CLIP_RATIO = 4.0
@@ -65,30 +67,40 @@ def own_noise(values: Floats) -> float:
 
 
 def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
-    """Find where a channel, or one of its gauges, reads a constant."""
+    """Find where a channel reads a constant, and gauges that read one or do not follow."""
     parts = parts_of(signal, sensor)
-    n = len(signal.values)
-    findings = []
-    is_still = np.zeros((len(parts), n), dtype=bool)
-    for k, part in enumerate(parts):
-        if part.noise <= 0.0 or (sensor.noise > 0.0 and _is_ideal(part)):
-            continue  # without noise a slow signal may well repeat itself
-        for begin, end in still_runs(
-            part.values, longest_live_run(part.noise, part.resolution, n)
-        ):
-            is_still[k, begin : end + 1] = True
+    is_still = np.stack([_still(part, sensor) for part in parts])
     all_still: NDArray[np.bool_] = np.asarray(is_still.all(axis=0))
+    findings = []
     for begin, end in _spans(all_still):
         text = f'the value stands still for {time_s[end] - time_s[begin]:.2f} s'
         findings.append(_finding('data_gap', signal, time_s, begin, end, text))
-    for k in range(len(parts) if len(parts) > 1 else 0):
-        spans = _spans(is_still[k] & ~all_still)
-        if spans:
-            value = parts[k].values[spans[0][0]]
-            text = f'part {k + 1} of {len(parts)} reads a constant ({_field(value, sensor):.4g})'
-            begin, end = spans[0][0], spans[-1][1]
-            findings.append(_finding('gauge_dead', signal, time_s, begin, end, text))
+    if len(parts) > 1:
+        for k, part in enumerate(parts):
+            spans = _spans(is_still[k] & ~all_still)
+            if spans:
+                value = _field(part.values[spans[0][0]], sensor)
+                text = f'part {k + 1} of {len(parts)} reads a constant ({value:.4g})'
+                begin, end = spans[0][0], spans[-1][1]
+                findings.append(_finding('gauge_dead', signal, time_s, begin, end, text))
+        findings += _twins(signal, sensor, time_s, is_still)
     return findings
+
+
+def _still(part: Part, sensor: Sensor) -> NDArray[np.bool_]:
+    """Tell of each sample whether it belongs to a run that live noise does not give."""
+    mask = np.zeros(len(part.values), dtype=bool)
+    if part.noise <= 0.0 or (sensor.noise > 0.0 and _is_ideal(part)):
+        return mask  # without noise a slow signal may well repeat itself
+    longest = longest_live_run(part.noise, part.resolution, len(mask))
+    runs = still_runs(part.values, longest)
+    for extreme in (part.values.min(), part.values.max()):
+        at_extreme = [run for run in runs if part.values[run[0]] == extreme]
+        if len(at_extreme) > 1:  # clipped there again and again: saturation
+            runs = [run for run in runs if run not in at_extreme]
+    for begin, end in runs:
+        mask[begin : end + 1] = True
+    return mask
 
 
 def _is_ideal(part: Part) -> bool:
@@ -97,22 +109,23 @@ def _is_ideal(part: Part) -> bool:
     return len(changing) > 100 and own_noise(changing) < 0.2 * part.noise
 
 
-def twins(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
+def _twins(
+    signal: Signal, sensor: Sensor, time_s: Floats, is_still: NDArray[np.bool_]
+) -> list[Finding]:
     """Find gauges that do not follow the one that should read alike (same sign of bending)."""
     findings = []
     parts = parts_of(signal, sensor)
-    for i in range(len(sensor.bending)):
-        for j in range(i + 1, min(len(sensor.bending), len(parts))):
-            if sensor.bending[i] != sensor.bending[j]:
-                continue
-            dead = _dead_twin(parts[i], parts[j])
-            if dead is not None:
-                k, other = (i, j) if dead == 0 else (j, i)
-                if np.ptp(parts[k].values) == 0.0:
-                    continue  # told as a constant
-                text = f'part {k + 1} of {len(parts)} does not follow part {other + 1}'
-                end = len(time_s) - 1
-                findings.append(_finding('gauge_dead', signal, time_s, 0, end, text))
+    n = min(len(sensor.bending), len(parts))
+    for i, j in itertools.combinations(range(n), 2):
+        live = ~(is_still[i] | is_still[j])
+        if sensor.bending[i] != sensor.bending[j] or live.sum() < MIN_LIVE:
+            continue
+        dead = _dead_twin(*(parts[k]._replace(values=parts[k].values[live]) for k in (i, j)))
+        if dead is not None:
+            k, other = (i, j) if dead == 0 else (j, i)
+            text = f'part {k + 1} of {len(parts)} does not follow part {other + 1}'
+            end = len(time_s) - 1
+            findings.append(_finding('gauge_dead', signal, time_s, 0, end, text))
     return findings
 
 
@@ -123,11 +136,9 @@ def _dead_twin(a: Part, b: Part) -> int | None:
     quiet, live = moves[dead], moves[1 - dead]
     if live < 2.0 * DEAD_NOISE * max(a.noise, b.noise):
         return None  # nothing moves enough to tell
-    covariance = float(np.cov(a.values, b.values)[0, 1])
-    slope = covariance / live**2
-    if quiet < DEAD_NOISE * max(a.noise, b.noise) or not (TWIN_SLOPE[0] < slope < TWIN_SLOPE[1]):
-        return dead
-    return None
+    slope = float(np.cov(a.values, b.values)[0, 1]) / live**2
+    follows = TWIN_SLOPE[0] < slope < TWIN_SLOPE[1]
+    return dead if quiet < DEAD_NOISE * max(a.noise, b.noise) or not follows else None
 
 
 def saturation(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
@@ -170,24 +181,30 @@ def spikes(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     if not n:
         return []
     where = np.flatnonzero(hit)
-    size = float(np.abs(_beyond(signal.values)[where]).max())
+    size = float(np.abs(_neighbourhood(signal.values, where)[0]).max())
     text = f'{n} isolated outliers, the largest of {size:.3g} {signal.unit}'
     return [_finding('sensor_spikes', signal, time_s, int(where[0]), int(where[-1]), text)]
 
 
-def _beyond(values: Floats) -> Floats:
-    """Return each sample's distance from the median of its neighbours, 0 at the ends."""
+def _neighbourhood(values: Floats, where: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Return the samples at ``where``, and those around them, less the slope of those around.
+
+    The slope is the median of the differences between neighbours: what rings keeps its range.
+
+    Returns
+    -------
+    middle : (n,)
+        Distance from the median of the samples around.
+    around : (2 h, n)
+        Theirs.
+    """
     h = SPIKE_NEIGHBOURS
-    result = np.zeros(len(values))
-    if len(values) > 2 * h:
-        result[h:-h] = values[h:-h] - np.median(_neighbours(values), axis=0)
-    return result
-
-
-def _neighbours(values: Floats) -> Floats:
-    """Return the values around each sample but the first and last, (2 h, n - 2 h)."""
-    h, n = SPIKE_NEIGHBOURS, len(values)
-    return np.stack([values[h + k : n - h + k] for k in range(-h, h + 1) if k])
+    steps = np.array([k for k in range(-h, h + 1) if k])
+    around = values[where + steps[:, None]]
+    sides = np.concatenate([np.diff(around[:h], axis=0), np.diff(around[h:], axis=0)])
+    around -= steps[:, None] * np.median(sides, axis=0)
+    level = np.median(around, axis=0)
+    return values[where] - level, around - level
 
 
 def spike_mask(values: Floats, noise: float) -> NDArray[np.bool_]:
@@ -196,12 +213,15 @@ def spike_mask(values: Floats, noise: float) -> NDArray[np.bool_]:
     h = SPIKE_NEIGHBOURS
     if len(values) <= 2 * h or noise <= 0.0:
         return hit
-    around = _neighbours(values)
+    # whatever is outside the range of all around is as far from the mean of the nearest two
+    off = np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)
+    where = np.flatnonzero(off > SPIKE_NOISE * noise) + 1
+    where = where[(where >= h) & (where < len(values) - h)]
+    middle, around = _neighbourhood(values, where)
     low, high = around.min(axis=0), around.max(axis=0)
-    middle = values[h:-h]
     over = np.maximum(middle - high, low - middle)
     # a quiet neighbourhood has a range of its noise: 2.8 sigma for eight samples
-    hit[h:-h] = (over > SPIKE_RANGE * (high - low)) & (over > SPIKE_NOISE * noise)
+    hit[where[(over > SPIKE_RANGE * (high - low)) & (over > SPIKE_NOISE * noise)]] = True
     return hit
 
 
@@ -228,8 +248,9 @@ def _tone(part: Part, time_s: Floats) -> tuple[float, float, float] | None:
     values = np.interp(grid, time_s, part.values)
     window = np.hanning(len(values))
     spectrum = 2.0 * np.abs(np.fft.rfft((values - values.mean()) * window)) / window.sum()
-    frequency = np.fft.rfftfreq(len(values), 1.0 / rate)
-    best = None
+    width = rate / len(values)
+    frequency = width * np.arange(len(spectrum))
+    found = []
     for mains in MAINS_HZ:
         alias = abs(mains - rate * round(mains / rate))
         is_near = np.abs(frequency - alias) < MAINS_WIDTH_HZ
@@ -237,12 +258,25 @@ def _tone(part: Part, time_s: Floats) -> tuple[float, float, float] | None:
         if alias < 2.0 * MAINS_WIDTH_HZ or not is_near.any() or not is_beside.any():
             continue  # an alias this low is hidden in the motion
         peak = int(np.argmax(np.where(is_near, spectrum, 0.0)))
-        amplitude = float(spectrum[peak])
-        if amplitude < max(HUM_NOISE * part.noise, HUM_LINE * float(spectrum[is_beside].max())):
-            continue
-        if best is None or amplitude > best[1]:
-            best = (float(frequency[peak]), amplitude, mains)
-    return best
+        shift, amplitude = _between_bins(spectrum, peak)
+        if amplitude > max(HUM_NOISE * part.noise, HUM_LINE * float(spectrum[is_beside].max())):
+            found.append((width * (peak + shift), amplitude, mains))
+    return max(found, key=lambda tone: tone[1], default=None)
+
+
+def _between_bins(spectrum: Floats, peak: int) -> tuple[float, float]:
+    """Return a tone's place in bins from ``peak`` and its amplitude, of a Hann spectrum.
+
+    Two bins of a tone d bins off have the ratio a = (1 + d) / (2 - d), and the larger is
+    sin(pi d) / (pi d (1 - d^2)) of the amplitude (Grandke 1983, eqs. 8 and 10).
+    """
+    if not 0 < peak < len(spectrum) - 1:
+        return 0.0, float(spectrum[peak])
+    side = 1 if spectrum[peak + 1] > spectrum[peak - 1] else -1
+    ratio = float(spectrum[peak + side] / spectrum[peak])
+    d = min(max((2.0 * ratio - 1.0) / (ratio + 1.0), 0.0), 0.5)
+    loss = np.sinc(d) / (1.0 - d**2)
+    return side * d, float(spectrum[peak] / loss)
 
 
 def _spans(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
