@@ -158,4 +158,8 @@ def _survey(machine: Machine, length_m: float) -> tuple[Floats, Floats]:
         return np.zeros((4, 2)), np.zeros((4, 2))
     folder = machine.source.parent if machine.source else Path()
     s, normal, lateral = read_survey(folder / name)
-    return periodic_table(s, normal, length_m), periodic_table(s, lateral, length_m)
+    error = machine.guide.survey_error_m
+    return (
+        periodic_table(s, normal, length_m, error),
+        periodic_table(s, lateral, length_m, error),
+    )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
 
 from escalator_twin.errors import MachineError
 from escalator_twin.signals import Floats
@@ -36,11 +37,23 @@ def read_survey(path: Path) -> tuple[Floats, Floats, Floats]:
     return table[:, 0], table[:, 1], table[:, 2]
 
 
-def periodic_table(s: Floats, values: Floats, length_m: float) -> Floats:
+def periodic_table(
+    s: Floats, values: Floats, length_m: float, error_m: float = 0.0
+) -> Floats:
     """Interpolate a survey column on an even grid round the loop.
 
-    A periodic cubic spline through the surveyed points; a last point nearer to the seam than
-    half the usual spacing is left out, since its error would make a kink there.
+    A periodic cubic spline through the surveyed points, after the error of the survey has been
+    weighed against the rail's own waves; a last point nearer to the seam than half the usual
+    spacing is left out, since its error would make a kink there.
+
+    Parameters
+    ----------
+    s, values : (n,) float64
+        Surveyed points, m.
+    length_m : float
+        Of the loop.
+    error_m : float
+        One standard deviation of a point's error, m; 0 takes the points as exact.
 
     Returns
     -------
@@ -50,7 +63,38 @@ def periodic_table(s: Floats, values: Floats, length_m: float) -> Floats:
     spacing = float(np.median(np.diff(s)))
     keep = s < s[0] + length_m - 0.5 * spacing
     knots = np.append(s[keep], s[0] + length_m)
-    column = np.append(values[keep], values[0])
-    spline = CubicSpline(knots, column, bc_type='periodic')
+    column = without_error(values[keep], error_m) if error_m > 0.0 else values[keep]
+    spline = CubicSpline(knots, np.append(column, column[0]), bc_type='periodic')
     grid = np.arange(round(length_m / STEP_M)) * (length_m / round(length_m / STEP_M))
     return np.column_stack([spline(grid), spline(grid, 1)])
+
+
+def without_error(values: Floats, error_m: float) -> Floats:
+    """Return surveyed values with white error taken out as far as their spectrum tells it.
+
+    Wiener's filter: each wave is multiplied by P / (P + N), N the power of the survey's error,
+    P that of the rail, taken as a power law of the wave number and fitted to the periodogram by
+    Whittle's likelihood.
+
+    Parameters
+    ----------
+    values : (n,) float64
+        Evenly spaced round the loop, m.
+    error_m : float
+        One standard deviation of a point's error, m.
+    """
+    n = len(values)
+    waves = np.fft.rfft(values - values.mean())
+    number = np.arange(1, len(waves))
+    power = np.abs(waves[1:]) ** 2 / n
+    noise = error_m**2
+
+    def cost(law: Floats) -> float:
+        total = np.exp(law[0] - law[1] * np.log(number)) + noise
+        return float(np.sum(np.log(total) + power / total))
+
+    start = [np.log(max(float(power[:3].mean()), noise)), 2.0]
+    fitted = minimize(cost, start, method='Nelder-Mead')
+    rail = np.exp(fitted.x[0] - fitted.x[1] * np.log(number))
+    waves[1:] *= rail / (rail + noise)
+    return np.fft.irfft(waves, n) + values.mean()
