@@ -78,7 +78,9 @@ RULES = (
     ),
 )
 SKIPPED = _words(r'covariance|orientation|angular|header|torque|\bstamp')
-GENERIC = frozenset(['measured', 'link', 'strain', 'force', 'data', 'raw', 'sensor', 'wrench', 'value', 'loadcell'])
+GENERIC = frozenset(
+    ['measured', 'link', 'strain', 'force', 'data', 'raw', 'sensor', 'wrench', 'value', 'loadcell']
+)
 
 
 @dataclass
@@ -173,12 +175,18 @@ def _take(topic: _Topic, channel: Channel, bag_ns: np.ndarray, rows: Bytes) -> N
         topic.ahead_s = float(np.median(stamps - times)) / 1e9
         times = stamps
     if len(times) > 1 and (step := float(np.median(np.diff(np.sort(times))))) > 0.0:
-        topic.rate_hz = float(f'{1e9 / step:.3g}')
+        topic.rate_hz = _round_rate(1e9 / step)
     topic.fields = [
         _Field(path, np.asarray(values[is_read], dtype=np.float64))
         for path, values in numbers.items()
         if path[0] != 'header'
     ]
+
+
+def _round_rate(rate_hz: float) -> float:
+    """Return a rate to the two digits that a setting has, to three where that is off."""
+    short = float(f'{rate_hz:.2g}')
+    return short if abs(rate_hz / short - 1.0) < 0.01 else float(f'{rate_hz:.3g}')
 
 
 def _loggers(topics: Sequence[_Topic]) -> dict[str, str]:

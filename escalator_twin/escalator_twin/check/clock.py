@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import theilslopes
 
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats, Nanoseconds, Recording, Signal
@@ -214,8 +213,9 @@ def _fit(moving: _Clock, fixed: _Clock, quantile: float) -> _Line | None:
         return None
     time = (rate * (edges[:-1] + edges[1:]) / 2 + sides[1])[good] - first
     difference = (sides[0] - sides[1])[good]
-    slope, intercept, _, _ = theilslopes(difference, time)
-    residual = difference - intercept - slope * time
+    slope = _median_slope(time, difference)
+    residual = difference - slope * time
+    residual -= np.median(residual)
     scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
     kept = np.abs(residual) < 4.0 * scale
     if kept.sum() < MIN_BINS:
@@ -242,7 +242,14 @@ def _least_squares(time: Floats, difference: Floats) -> _Line:
 def _rate(clock: _Clock) -> float:
     """Return how fast a logger's stamps run by bag time: 1, but in a replay at another rate."""
     chosen = np.linspace(0, len(clock.bag_s) - 1, RATE_POINTS).astype(int)
-    return float(theilslopes(clock.stamp_s[chosen], clock.bag_s[chosen])[0])
+    return _median_slope(clock.bag_s[chosen], clock.stamp_s[chosen])
+
+
+def _median_slope(x: Floats, y: Floats) -> float:
+    """Return the median of the slopes of all pairs of points (Theil 1950, Sen 1968)."""
+    i, j = np.triu_indices(len(x), 1)
+    run = x[j] - x[i]
+    return float(np.median((y[j] - y[i])[run != 0.0] / run[run != 0.0]))
 
 
 def _binned(clock: _Clock, edges: Floats, quantile: float) -> Floats:

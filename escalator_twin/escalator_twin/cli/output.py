@@ -86,9 +86,12 @@ class Rule:
         if match is None:
             raise ValueError(f'expected NAME<=VALUE or NAME>=VALUE, found {text!r}')
         name, relation, limit = match.groups()
-        value = float(limit)
+        try:
+            value = float(limit)
+        except ValueError:
+            value = math.nan
         if math.isnan(value):
-            raise ValueError(f'expected a number behind {relation}, found {limit!r}')
+            raise ValueError(f'expected a number behind {relation}, found {text!r}')
         return cls(name, relation, value)
 
     def broken(self, document: Document) -> list[str]:
