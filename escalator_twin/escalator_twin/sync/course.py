@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.stats import t as student
 
 from escalator_twin.signals import Floats
 
@@ -11,7 +12,7 @@ KNOT_S = 8.0  # of the spline: the fastest wander has a period of 30 s
 FASTEST_WANDER_S = 30.0
 HUBER = 2.5  # robust deviations beyond which an observation counts less
 LEAST_OBSERVED = 3
-TWO_SIDED_95 = 1.96
+TWO_SIDED_95 = 0.975  # quantile of either end
 
 
 @dataclass(frozen=True)
@@ -69,39 +70,44 @@ class Basis:
         """Return the basis functions (m, n) at ``time_s`` (m,) inside the span."""
         return np.asarray(BSpline.design_matrix(time_s, self.knots, 3).toarray())
 
-    def n_free(self, n_observed: int) -> float:
-        """Return how many unknowns ``n_observed`` observations settle; the rein holds some."""
-        return min(float(self.rein.shape[1]), 2.0 + 0.5 * n_observed)
-
-    def smooth(
-        self, design: Floats, observed: Floats, variance: Floats
-    ) -> tuple[Floats, Floats]:
-        """Return coefficients (n,) and their covariance from ``observed = design @ them``."""
+    def smooth(self, design: Floats, observed: Floats, variance: Floats) -> 'Smooth':
+        """Return the coefficients of ``observed = design @ coefficients``, reined."""
         weighted = design / variance[:, None]
-        normal = design.T @ weighted + self.rein.T @ self.rein
+        data = design.T @ weighted
+        normal = data + self.rein.T @ self.rein
         # what nothing determines, as a common offset, stays near zero
         normal += 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal))
-        covariance = np.linalg.inv(normal)
-        return covariance @ (weighted.T @ observed), covariance
+        covariance: Floats = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+        n_free = float(np.sum(covariance * data))
+        return Smooth(covariance @ (weighted.T @ observed), covariance, n_free)
 
     def course(
         self,
         base_hz: float,
-        fitted: tuple[Floats, Floats],
+        smooth: 'Smooth',
         residual: Floats,
         clear: bool = True,
         least_hz: float = 0.0,
     ) -> Course:
-        """Return the course of coefficients and covariance, with its interval.
+        """Return the course of ``smooth``, with its interval.
 
         ``residual`` (b,) is in standard deviations; ``least_hz`` the least half width.
         """
-        cycles, covariance = fitted
-        n_free = self.n_free(len(residual))
-        mean = base_hz + float(self.ends @ cycles)
-        spread = float(np.sqrt(self.ends @ covariance @ self.ends))
-        half = TWO_SIDED_95 * spread * inflation(residual, n_free)
-        return Course(mean, max(half, least_hz), base_hz, BSpline(self.knots, cycles, 3), clear)
+        mean = base_hz + float(self.ends @ smooth.cycles)
+        spread = float(np.sqrt(self.ends @ smooth.covariance @ self.ends))
+        spread *= inflation(residual, smooth.n_free)
+        n_more = max(len(residual) - smooth.n_free, 1.0)
+        half = max(float(student.ppf(TWO_SIDED_95, n_more)) * spread, least_hz)
+        return Course(mean, half, base_hz, BSpline(self.knots, smooth.cycles, 3), clear)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """Coefficients of a basis (n,), their covariance (n, n), and how many the data settled."""
+
+    cycles: Floats
+    covariance: Floats
+    n_free: float
 
 
 def robust_scale(off: Floats, n_free: float) -> float:

@@ -8,7 +8,7 @@ from escalator_twin.signals import Floats
 from escalator_twin.sync.course import Basis, Course, huber_weight, LEAST_OBSERVED, robust_scale
 
 BAND = (0.5, 4.5)  # cycles per pitch: slower drifts with the sensor, faster is chatter
-WINDOW_CYCLES = 8.0  # of the signal that is looked for one loop later
+WINDOW_CYCLES = 6.0  # of the signal that is looked for one loop later; a quarter to the next
 SAMPLES = 12.0  # per cycle of the band's upper end
 REACH_CYCLES = 0.4  # about the common lag: a wander's worth
 LEAST_R = 0.6  # correlation below which a stretch was not found again
@@ -16,7 +16,13 @@ ROUNDS = 5
 
 
 def follow_loops(
-    time_s: Floats, columns: Floats, valid: Mask, base_hz: float, n_cycles: float, wander: float
+    time_s: Floats,
+    columns: Floats,
+    valid: Mask,
+    n_cycles: float,
+    wander: float,
+    base_hz: float,
+    reach: float,
 ) -> Course | None:
     """Return the course of the cycles from stretches that come again one loop later.
 
@@ -31,12 +37,14 @@ def follow_loops(
         Signals.
     valid : (n, k) bool
         Samples to trust.
-    base_hz : float
-        Frequency of the pitch to within a percent or so.
     n_cycles : float
         Pitches of a loop.
     wander : float
         Relative wander of the frequency.
+    base_hz : float
+        Frequency of the pitch to within ``reach``.
+    reach : float
+        Relative error that ``base_hz`` may have.
 
     Returns
     -------
@@ -47,7 +55,7 @@ def follow_loops(
     rate = min((len(time_s) - 1) / span, SAMPLES * BAND[1] * base_hz)
     rows = _even(time_s, columns, valid, base_hz, rate)
     half = round(0.5 * WINDOW_CYCLES / base_hz * rate)
-    lag = _common_lag(rows, n_cycles / base_hz * rate, 0.5 * rate / base_hz, 2 * half)
+    lag = _common_lag(rows, n_cycles / base_hz * rate, reach, 2 * half)
     if lag is None:
         return None
     centres, lags = _lags(rows, lag, half, round(REACH_CYCLES / base_hz * rate))
@@ -59,10 +67,10 @@ def follow_loops(
     observed = n_cycles - base_hz * (later - first)
     variance = np.ones(len(centres))
     for _ in range(ROUNDS):
-        cycles, covariance = basis.smooth(design, observed, variance)
-        off = observed - design @ cycles
-        variance = 1.0 / huber_weight(off, robust_scale(off, basis.n_free(len(off))))
-    return basis.course(base_hz, (cycles, covariance), off / np.sqrt(variance))
+        smooth = basis.smooth(design, observed, variance)
+        off = observed - design @ smooth.cycles
+        variance = 1.0 / huber_weight(off, robust_scale(off, smooth.n_free))
+    return basis.course(base_hz, smooth, off / np.sqrt(variance))
 
 
 def _even(time: Floats, columns: Floats, valid: Mask, base_hz: float, rate: float) -> Floats:
@@ -81,12 +89,18 @@ def _even(time: Floats, columns: Floats, valid: Mask, base_hz: float, rate: floa
 def _common_lag(rows: Floats, guess: float, reach: float, least: int) -> float | None:
     """Return the lag, samples, at which the signals as a whole come again."""
     n = rows.shape[1]
-    lags = np.arange(round(guess - reach), round(guess + reach) + 1)
+    lags = np.arange(round(guess * (1.0 - reach)), round(guess * (1.0 + reach)) + 1)
     lags = lags[(lags > 0) & (n - lags >= least)]
     if len(lags) < 3:
         return None
-    products = np.array([np.sum(rows[:, lag:] * rows[:, : n - lag]) / (n - lag) for lag in lags])
-    return float(lags[int(np.argmax(products))])
+    curve = np.array([_alike(rows[:, : n - lag], rows[:, lag:]) for lag in lags])
+    return float(lags[int(np.argmax(curve))]) if curve.max() >= LEAST_R else None
+
+
+def _alike(first: Floats, second: Floats) -> float:
+    """Return the correlation of two sets of rows (k, m) without means."""
+    power = float(np.sum(first**2) * np.sum(second**2))
+    return float(np.sum(first * second)) / np.sqrt(power) if power > 0.0 else 0.0
 
 
 def _lags(rows: Floats, lag: float, half: int, reach: int) -> tuple[Floats, Floats]:
@@ -95,7 +109,7 @@ def _lags(rows: Floats, lag: float, half: int, reach: int) -> tuple[Floats, Floa
     found = []
     common = round(lag)
     last = n - common - reach - half
-    for centre in range(half, last, half):
+    for centre in range(half, last, max(half // 2, 1)):
         piece = rows[:, centre - half : centre + half]
         start = centre - half + common - reach
         later = rows[:, start : start + 2 * half + 2 * reach]

@@ -10,7 +10,7 @@ from escalator_twin.sync.course import Basis, Course, huber_weight, LEAST_OBSERV
 
 Complexes = NDArray[np.complex128]
 
-BLOCK_CYCLES = 3.0  # length of a block; Hann, the next begins half of it later
+BLOCK_CYCLES = 2.0  # length of a block; Hann, the next begins half of it later
 LEAST_VALID = 0.6  # of a block's samples
 ROUNDS = 10
 CLEAR = 0.95  # coherence above which a line's phase is taken to keep to the course
@@ -22,7 +22,7 @@ def follow_phase(
 ) -> Course:
     """Return the course of the cycles of signals near ``base_hz``.
 
-    In each block of three cycles the amplitude and phase of the frequency and its multiples
+    In each block of two cycles the amplitude and phase of the frequency and its multiples
     are fitted. A spline is laid through the phases of all multiples and all signals, each
     weighted by its own scatter about the course. Multiples whose phase does not keep
     to it, as where a sensor rides round the loop, only count where there is no better.
@@ -55,14 +55,14 @@ def follow_phase(
     basis = Basis.over(span, base_hz * wander)
     design = basis.at(centres)
     # the first guess is good enough to tell which cycle a phase belongs to
-    cycles = np.zeros(design.shape[1])
-    n_free = basis.n_free(len(centres))
+    cycles, n_free = np.zeros(design.shape[1]), 2.0
     for _ in range(ROUNDS):
         observed, variance, clear = _observe(lines, multiples, design @ cycles, n_free)
-        cycles, covariance = basis.smooth(design, observed, variance)
+        smooth = basis.smooth(design, observed, variance)
+        cycles, n_free = smooth.cycles, smooth.n_free
     residual = (observed - design @ cycles) / np.sqrt(variance)
     least = 0.0 if clear else 2.0 * SLIP / span
-    return basis.course(base_hz, (cycles, covariance), residual, clear, least)
+    return basis.course(base_hz, smooth, residual, clear, least)
 
 
 def fit_blocks(
@@ -79,7 +79,7 @@ def fit_blocks(
     """
     length = BLOCK_CYCLES / base_hz
     starts = np.arange(0.0, time[-1] - length + 1e-9, 0.5 * length)
-    lines_hz = base_hz * np.arange(1, n_multiples + 1)
+    lines_hz: Floats = base_hz * np.arange(1.0, n_multiples + 1.0)
     lines = np.full((len(starts), columns.shape[1], n_multiples), np.nan, dtype=np.complex128)
     expected = length * (len(time) - 1) / time[-1]
     for b, start in enumerate(starts):
@@ -88,9 +88,7 @@ def fit_blocks(
             real = valid[here, k]
             if real.sum() >= LEAST_VALID * expected:
                 place = (time[here][real] - start) / length
-                lines[b, k] = _fit_block(
-                    time[here][real], place, columns[here, k][real], lines_hz
-                )
+                lines[b, k] = _fit_block(time[here][real], place, columns[here, k][real], lines_hz)
     flat = lines.reshape(len(starts), -1)
     seen = np.isfinite(flat).any(axis=1)
     if seen.sum() < LEAST_OBSERVED:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.fft import next_fast_len, rfft
 from scipy.ndimage import median_filter
 
 from escalator_twin.errors import SynchronisationError
@@ -15,7 +16,9 @@ from escalator_twin.sync.phase import follow_phase
 LEAST_PITCHES = 6.0  # that a recording must pass
 N_HARMONICS = 4  # of the pitch frequency that are looked at
 LEAST_LEAD = 1.5  # natural logarithm of power, best speed over the next best
-LEAST_SCORE = 9.0  # the same over the noise, all multiples together
+# the same over the noise, all multiples together: for one signal and for each further one,
+LEAST_SCORE, LEAST_SCORE_MORE = 9.0, 5.0
+LEAST_EXPLAINED = 0.6  # or this share of the variance above half the pitch frequency
 NOISE_WITHIN = 0.5  # cycles per pitch about a multiple: where its noise is taken from
 # the line itself fills most of that in a short recording: a low quantile leaves it out
 NOISE_QUANTILE = 0.15
@@ -99,19 +102,22 @@ def estimate_speed(
             f'speed: expected at least {needed:.1f} s of samples, {LEAST_PITCHES:.0f} pitches, '
             f'found {span:.1f} s with {int(valid.all(axis=1).sum())} valid samples'
         )
-    first, lead = _first_guess(
-        time, columns, valid, set_speed_m_s / pitch_m, speed_error + BEYOND
-    )
-    if lead < LEAST_LEAD:
-        raise SynchronisationError(
-            f'speed: no clear pitch frequency within {speed_error:.0%} of '
-            f'{set_speed_m_s / pitch_m:.3f} Hz: the best is only {np.exp(lead):.1f} times as '
-            f'strong as the next, expected {np.exp(LEAST_LEAD):.1f}'
-        )
-    course = follow_phase(time - start, columns, valid, first, N_HARMONICS, wander)
-    if not course.clear and loop_m is not None:
-        loops = follow_loops(time - start, columns, valid, first, loop_m / pitch_m, wander)
+    set_hz, reach = set_speed_m_s / pitch_m, speed_error + BEYOND
+    first, lead = _first_guess(time, columns, valid, set_hz, reach)
+    course = None
+    if lead >= LEAST_LEAD:
+        course = follow_phase(time - start, columns, valid, first, N_HARMONICS, wander)
+    if loop_m is not None and (course is None or not course.clear):
+        # a pitch frequency leaves half a cycle open, over a loop
+        around = (set_hz, reach) if course is None else (first, 0.5 * pitch_m / loop_m)
+        loops = follow_loops(time - start, columns, valid, loop_m / pitch_m, wander, *around)
         course = loops or course
+    if course is None:
+        raise SynchronisationError(
+            f'speed: no clear pitch frequency within {speed_error:.0%} of {set_hz:.3f} Hz: the '
+            f'best is only {np.exp(lead):.1f} times as strong as the next, expected '
+            f'{np.exp(LEAST_LEAD):.1f}'
+        )
     every = np.asarray(time_s, dtype=np.float64) - start
     low, high = course.mean_hz - course.half_width_hz, course.mean_hz + course.half_width_hz
     travel = pitch_m * (course.at(every) - course.at(every[:1]))
@@ -153,32 +159,57 @@ def _first_guess(
     """Return the pitch frequency whose multiples are strongest, Hz, and its lead.
 
     The score of a frequency is the sum, over signals and multiples, of the logarithm of the
-    spectrum's power there over its median in the stretch searched. The lead is over the best
-    frequency outside the main lobe of the Hann window.
+    spectrum's power there over the noise about it. The lead is over the best frequency
+    outside the main lobe of the Hann window; 0 where there is nothing but noise.
     """
     span = float(time[-1] - time[0])
     rate = (len(time) - 1) / span
-    grid = time[0] + np.arange(len(time)) / rate
-    n = PADDING * len(grid)
-    candidates = set_hz * np.linspace(1.0 - reach, 1.0 + reach, int(40 * reach * set_hz * span) + 9)
-    score = np.zeros(len(candidates))
-    window = np.hanning(len(grid))
+    n_candidates = int(40.0 * reach * set_hz * span) + 9
+    candidates = set_hz * np.linspace(1.0 - reach, 1.0 + reach, n_candidates)
+    multiples = np.arange(1, max(1, min(N_HARMONICS, int(0.4 * rate / candidates[-1]))) + 1)
+    rows, real = _even_rows(time, columns, valid, 0.5 * set_hz)
+    window = np.hanning(rows.shape[1])
+    n = next_fast_len(PADDING * rows.shape[1], real=True)
     bins = np.arange(n // 2 + 1) * rate / n
-    for column, real in zip(columns.T, valid.T, strict=True):
-        even = np.interp(grid, time, bridge(column, real))
-        even = highpass(even - even.mean(), 0.5 * set_hz, rate)
-        gone = np.interp(grid, time, real.astype(np.float64)) < 0.5
-        power = np.abs(np.fft.rfft(np.where(gone, 0.0, even * window), n)) ** 2
-        for multiple in range(1, N_HARMONICS + 1):
-            if multiple * candidates[-1] > 0.4 * rate:
-                break
+    score = np.zeros(n_candidates)
+    for row in rows:
+        power = np.abs(rfft(row * window, n)) ** 2
+        for multiple in multiples:
             around = np.abs(bins - multiple * set_hz) < NOISE_WITHIN * set_hz
             # of the exponential distribution that noise power has
             noise = float(np.quantile(power[around], NOISE_QUANTILE)) / -np.log1p(-NOISE_QUANTILE)
             score += np.log1p(np.interp(multiple * candidates, bins, power) / max(noise, 1e-300))
     best = int(np.argmax(score))
-    apart = np.abs(candidates - candidates[best]) > 2.0 / span
-    rivals = score[apart]
-    if len(rivals) == 0 or score[best] < LEAST_SCORE * columns.shape[1]:
-        return float(candidates[best]), float(score[best]) - LEAST_SCORE * columns.shape[1]
-    return float(candidates[best]), float(score[best] - rivals.max())
+    found = float(candidates[best])
+    lines: Floats = found / rate * multiples.astype(np.float64)
+    least = LEAST_SCORE + LEAST_SCORE_MORE * (len(rows) - 1)
+    if score[best] < least and _explained(rows, real, lines) < LEAST_EXPLAINED:
+        return found, 0.0
+    rivals = score[np.abs(candidates - found) > 2.0 / span]
+    return found, float(score[best] - rivals.max()) if len(rivals) else float(score[best])
+
+
+def _even_rows(time: Floats, columns: Floats, valid: Mask, from_hz: float) -> tuple[Floats, Mask]:
+    """Return the signals (k, n) above ``from_hz`` on an even grid, 0 where there are gaps."""
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    grid = time[0] + np.arange(len(time)) / rate
+    rows, real = np.zeros((2, columns.shape[1], len(time)))
+    for k in range(columns.shape[1]):
+        whole = bridge(columns[:, k], valid[:, k])
+        even = highpass(np.interp(grid, time, whole - whole.mean()), from_hz, rate)
+        real[k] = np.interp(grid, time, valid[:, k].astype(np.float64)) > 0.5
+        rows[k] = np.where(real[k], even, 0.0)
+    return rows, real > 0.5
+
+
+def _explained(rows: Floats, real: Mask, lines: Floats) -> float:
+    """Return the largest share of a row's variance that steady lines, cycles per sample, make."""
+    angles = 2.0 * np.pi * np.outer(np.arange(rows.shape[1]), lines)
+    design = np.hstack([np.cos(angles), np.sin(angles)])
+    shares = []
+    for row, here in zip(rows, real, strict=True):
+        power = float(row @ row)
+        if power > 0.0:
+            found = np.linalg.lstsq(design[here], row[here], rcond=None)[0]
+            shares.append(1.0 - float(np.sum((row[here] - design[here] @ found) ** 2)) / power)
+    return max(shares, default=0.0)
