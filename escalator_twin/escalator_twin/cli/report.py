@@ -26,13 +26,13 @@ def run(args: argparse.Namespace) -> Document:
         raise EscalatorError(f'--out {args.out}: the directory {folder} is not there')
     from escalator_twin import report
 
-    report.build(documents, args.out)
-    return {'schema': 'escalator_twin/report/1', 'out': args.out, 'inputs': args.documents}
+    made = report.build(documents, args.out, names=args.documents)
+    return {'schema': 'escalator_twin/report/1', 'out': args.out, **made}
 
 
 def show(document: Document) -> str:
-    """Return where the page is."""
-    return f'{document["out"]}\n'
+    """Return where the page is, and its size."""
+    return f'{document["out"]}: {document["n_bytes"] / 1e6:.2f} MB\n'
 
 
 def _read(path: Path) -> dict[str, Any]:

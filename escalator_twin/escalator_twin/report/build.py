@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Sequence
 from datetime import datetime, UTC
+from functools import cache
 import hashlib
 from importlib.resources import files
 import json
@@ -16,10 +17,13 @@ from escalator_twin import __version__
 from escalator_twin.errors import EscalatorError
 from escalator_twin.report.documents import Page, read_page
 from escalator_twin.report.numerals import FILTERS
+from escalator_twin.report.section import Context, Section
 from escalator_twin.report.sections import SECTIONS
 
 SCRIPTS = ('series.js', 'panel.js', 'page.js')  # one scope, in this order
 STYLES = ('page.css', 'tables.css', 'plots.css')
+Parts = list[tuple[Section, Context]]
+
 STATIC = files('escalator_twin.report').joinpath('static')
 
 
@@ -53,7 +57,8 @@ def build(
         Where a document is of no known schema, or the page cannot be written.
     """
     page = read_page(documents, names)
-    text = render(page, written or datetime.now(UTC))
+    parts = filled(page)
+    text = render(page, parts, written or datetime.now(UTC))
     data = text.encode('utf-8')
     part = Path(out).with_name(f'.{Path(out).name}.part')
     try:
@@ -63,10 +68,10 @@ def build(
         raise EscalatorError(f'{out}: cannot be written: {error.strerror or error}') from error
     finally:
         part.unlink(missing_ok=True)
-    return {'n_bytes': len(data), 'sections': [s.name for s, _ in _filled(page)]}
+    return {'n_bytes': len(data), 'sections': [section.name for section, _ in parts]}
 
 
-def render(page: Page, written: datetime) -> str:
+def render(page: Page, parts: Parts, written: datetime) -> str:
     """Return the page as HTML."""
     script = Markup(f'(() => {{\n{_static(SCRIPTS)}}})();\n')
     return (
@@ -74,7 +79,7 @@ def render(page: Page, written: datetime) -> str:
         .get_template('page.html')
         .render(
             page=page,
-            parts=_filled(page),
+            parts=parts,
             script=script,
             script_hash=_hash(script),
             style=Markup(_static(STYLES)),
@@ -84,12 +89,13 @@ def render(page: Page, written: datetime) -> str:
     )
 
 
-def _filled(page: Page) -> list[tuple[Any, dict[str, Any]]]:
+def filled(page: Page) -> Parts:
     """Return the sections that have something to tell, with what they tell."""
     found = [(section, section.context(page)) for section in SECTIONS]
     return [(section, context) for section, context in found if context is not None]
 
 
+@cache
 def environment() -> Environment:
     """Return the templates' environment: everything is escaped, a missing name is an error."""
     made = Environment(

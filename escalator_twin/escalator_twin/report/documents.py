@@ -176,12 +176,12 @@ def _with_number(entry: Entry, earlier: list[str]) -> Entry:
 
 def finite(value: Any) -> Any:
     """Return ``value`` with null in the place of NaN and infinities, which JSON does not have."""
-    if isinstance(value, Mapping):
-        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     if isinstance(value, list | tuple):
         return [finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
     return value
 
 

@@ -56,8 +56,10 @@ def _limits(panel: Panel, columns: list[Floats]) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Return round values between two, about ``count`` of them."""
+    """Return round values between two, about ``count`` of them and at least two."""
     step = nice_step((high - low) / max(count, 1))
+    if math.floor(high / step) - math.ceil(low / step) < 1:
+        step = nice_step(step / 4)
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     return [i * step for i in range(first, last + 1)]

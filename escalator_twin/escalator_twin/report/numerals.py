@@ -21,6 +21,14 @@ def fixed(value: Any, digits: int = 3, unit: str = '', sign: bool = False) -> st
     return shown.replace('-', MINUS) + (NARROW + unit if unit else '')
 
 
+def correlation(value: Any) -> str:
+    """Return a correlation to four decimals; what only rounds to 1 is not printed as 1."""
+    known = number(value)
+    if known is None:
+        return MISSING
+    return '> 0.9999' if 0.99995 <= known < 1.0 else fixed(known, 4)
+
+
 def percent(value: Any, digits: int = 1, sign: bool = False) -> str:
     """Return a share in percent."""
     known = number(value)
@@ -111,19 +119,51 @@ def unit_of(key: Any) -> str:
     return ''
 
 
+def place(location: Mapping[str, Any]) -> str:
+    """Return where a cause acts, as words."""
+    rest = {key: value for key, value in location.items() if value is not None}
+    parts = []
+    if 's_from_m' in rest and 's_to_m' in rest:
+        ends = significant(rest.pop('s_from_m')), significant(rest.pop('s_to_m'))
+        parts.append(f's = {ends[0]} to {ends[1]}{NARROW}m')
+    for key, value in rest.items():
+        if key == 'side':
+            parts.append(
+                f'{value} side' if value in ('left', 'right') else f'{plain(value)} sides'
+            )
+        elif key == 's_m':
+            parts.append(f's = {plain(value)}{NARROW}m')
+        else:
+            unit = unit_of(key)
+            parts.append(f'{words(key)} {plain(value)}{NARROW + unit if unit else ""}')
+    return ', '.join(parts) or MISSING
+
+
+def told(value: Any, key: Any) -> str:
+    """Return a value of a document as its key asks for it: with its unit, a direction as a word."""
+    if key == 'direction':
+        return direction(value)
+    is_numeric = isinstance(value, int | float | list) and not isinstance(value, bool)
+    unit = unit_of(key) if is_numeric and plain(value) != MISSING else ''
+    return plain(value) + (NARROW + unit if unit else '')
+
+
 def direction(value: Any) -> str:
     """Return a direction as a word."""
     return {1: 'up', -1: 'down'}.get(value, MISSING) if isinstance(value, int) else MISSING
 
 
 FILTERS: dict[str, Callable[..., str]] = {
+    'correlation': correlation,
     'direction': direction,
     'fixed': fixed,
     'interval': interval,
     'milli': milli,
     'percent': percent,
+    'place': place,
     'plain': plain,
     'significant': significant,
+    'told': told,
     'unit_of': unit_of,
     'words': words,
 }

@@ -5,11 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from escalator_twin.report.documents import Json, number
-from escalator_twin.report.numerals import fixed, milli, percent
+from escalator_twin.report.numerals import correlation, milli, percent
 
 # A cell's shade grows with the distance from agreement, in steps of about a factor of three; it
 # repeats the number and decides nothing.
 SHORTFALL = (0.001, 0.003, 0.01, 0.03, 0.1)  # of a correlation, from 1 or from its ceiling
+RIPPLE = (0.01, 0.03, 0.1, 0.2, 0.4)  # of a ripple's correlation, likewise
 RELATIVE = (0.03, 0.1, 0.2, 0.3, 0.5)  # of a difference over a deviation
 DELAY_S = (0.002, 0.005, 0.01, 0.02, 0.05)
 
@@ -59,10 +60,6 @@ def _size(value: float, _: float | None) -> float:
     return abs(value)
 
 
-def _correlation(value: float | None) -> str:
-    return fixed(value, 4)
-
-
 SCORES: dict[str, Score] = {
     score.key: score
     for score in (
@@ -71,7 +68,7 @@ SCORES: dict[str, Score] = {
             'r in time',
             'Correlation of measured and simulated signal below 2 Hz, aligned by travel. 1 is a '
             'perfect match of shape; a difference of level or of amplitude does not lower it.',
-            _correlation,
+            correlation,
             SHORTFALL,
             _short,
             'ceiling_r_time',
@@ -81,7 +78,7 @@ SCORES: dict[str, Score] = {
             'r of spectra',
             'Correlation of the two amplitude spectra up to 2 Hz: the same frequencies with the '
             'same strength, whatever their phase.',
-            _correlation,
+            correlation,
             SHORTFALL,
             _short,
         ),
@@ -107,8 +104,8 @@ SCORES: dict[str, Score] = {
             'r of ripple',
             'Correlation of what is faster than half a cycle per pitch, up to 20 Hz: the '
             'vibration by itself, without the slow course of the load round the loop.',
-            _correlation,
-            SHORTFALL,
+            correlation,
+            RIPPLE,
             _short,
             'ripple_ceiling',
         ),

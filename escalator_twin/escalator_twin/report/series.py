@@ -63,8 +63,13 @@ def _encode(levels: Floats) -> str:
 
 def array(values: Any) -> Floats:
     """Return a list of a document as an array, NaN in the place of what is no number."""
-    known = numbers(values)
-    return np.array([np.nan if value is None else value for value in known], dtype=np.float64)
+    try:
+        found = np.array(values if isinstance(values, list) else [], dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros((0, 0))
+    if found.ndim == 1:
+        return found
+    return np.array([np.nan if v is None else v for v in numbers(values)], dtype=np.float64)
 
 
 def largest(*columns: Floats) -> float:
@@ -91,10 +96,13 @@ def spectrum(time_s: Floats, values: Floats, upper_hz: float) -> tuple[Floats, F
     line = np.fft.rfft((filled - filled.mean()) * window)
     frequency = np.arange(len(line)) / (n * step)
     kept = (frequency > 0.0) & (frequency <= upper_hz)
+    if kept.sum() < 2:
+        return None
     amplitude: Floats = 2.0 * np.abs(line[kept]) / window.sum()
     return frequency[kept], amplitude
 
 
 def band(overlay: Any, default: float) -> float:
     """Return the band that an overlay was limited to, Hz."""
-    return number(overlay) or default
+    told = number(overlay)
+    return told if told is not None and told > 0.0 else default

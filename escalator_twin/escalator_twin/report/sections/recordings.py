@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from escalator_twin.report.documents import Entry, number, Page, rows, table
+from escalator_twin.report.documents import Entry, Json, number, Page, rows, table
 from escalator_twin.report.drawing import still
 from escalator_twin.report.scores import SCORES, share
 from escalator_twin.report.section import Context, Section
@@ -34,12 +34,23 @@ def _chapter(entry: Entry) -> Context:
         'shares': {
             name: share(scores, 'ripple_r', 'ripple_ceiling') for name, scores in channels.items()
         },
+        'notes': {name: _note(scores) for name, scores in channels.items()},
         'pose': table(entry.data.get('sensor_pose')),
         'band_hz': number(table(entry.data.get('overlay')).get('band_hz')),
         'signals': _drawn(signals) if signals else None,
         'spectra': _drawn(spectra) if spectra else None,
         'orders': _orders(channels),
     }
+
+
+def _note(scores: Json) -> str:
+    """Return what a plot's caption repeats of the scores."""
+    parts = [
+        f'{title} {score.show(number(scores.get(score.key)))}'
+        for title, score in (('r', SCORES['r_time']), ('NRMSE', SCORES['nrmse']))
+        if number(scores.get(score.key)) is not None
+    ]
+    return ', '.join(parts)
 
 
 def _drawn(stack: Stack) -> dict[str, Any]:

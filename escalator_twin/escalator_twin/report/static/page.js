@@ -44,6 +44,7 @@ class Stack {
   draw(width = this.width) {
     this.drawn = width;
     for (const panel of this.panels) panel.draw(width, this.range);
+    this.clear();
     this.root.dataset.drawn = String(this.panels.length);
     const isWhole = this.range[0] === this.full[0] && this.range[1] === this.full[1];
     this.root.querySelector('[data-do=reset]').disabled = isWhole;
@@ -134,7 +135,7 @@ class Stack {
 const stacks = new Map();
 
 function isVisible(root) {
-  return root.getClientRects().length > 0;
+  return !root.closest('details:not([open])');
 }
 
 function drawVisible() {

@@ -58,7 +58,8 @@ function niceStep(raw) {
 }
 
 function ticks(low, high, count) {
-  const step = niceStep((high - low) / Math.max(count, 1));
+  let step = niceStep((high - low) / Math.max(count, 1));
+  if (Math.floor(high / step) - Math.ceil(low / step) < 1) step = niceStep(step / 4);
   const marks = [];
   for (let i = Math.ceil(low / step - 1e-9); i <= Math.floor(high / step + 1e-9); i += 1) {
     marks.push(i * step);
