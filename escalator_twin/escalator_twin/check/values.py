@@ -11,9 +11,10 @@ from escalator_twin.machine import Sensor
 from escalator_twin.signals import Finding, Floats, Signal
 
 # A sample further outside the range of its neighbours than this many times that range is a spike:
-# of a roller's impacts, which ring, the sharpest of 5 million samples reaches 3.1 times.
-SPIKE_RANGE = 5.0
-SPIKE_NEIGHBOURS = 4
+# of a roller's impacts, which ring for the next samples, one in a million does so.
+SPIKE_RANGE = 2.0
+SPIKE_NEIGHBOURS = 6
+SPIKE_COUNT = 2  # so a single one is not told
 # ... and by this many standard deviations of the noise: force signals reach 7.6 by impacts.
 SPIKE_NOISE = 10.0
 MAINS_HZ = (50.0, 60.0)
@@ -178,7 +179,7 @@ def spikes(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     for part in parts_of(signal, sensor):
         hit |= spike_mask(part.values, max(part.noise, part.resolution / np.sqrt(12.0)))
     n = int(hit.sum())
-    if not n:
+    if n < SPIKE_COUNT:
         return []
     where = np.flatnonzero(hit)
     size = float(np.abs(_neighbourhood(signal.values, where)[0]).max())
@@ -220,7 +221,7 @@ def spike_mask(values: Floats, noise: float) -> NDArray[np.bool_]:
     middle, around = _neighbourhood(values, where)
     low, high = around.min(axis=0), around.max(axis=0)
     over = np.maximum(middle - high, low - middle)
-    # a quiet neighbourhood has a range of its noise: 2.8 sigma for eight samples
+    # a quiet neighbourhood has a range of its noise: 3.3 sigma for twelve samples
     hit[where[(over > SPIKE_RANGE * (high - low)) & (over > SPIKE_NOISE * noise)]] = True
     return hit
 
