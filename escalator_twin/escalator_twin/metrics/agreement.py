@@ -1,9 +1,12 @@
 """Point-by-point agreement of two signals on one grid, in time and in their spectra."""
 
+from functools import lru_cache
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft, signal
 
-from escalator_twin.metrics.filters import centred, thinning
+from escalator_twin.metrics.filters import centred, ROUNDING, thinning
 from escalator_twin.signals import Floats
 
 SPECTRUM_SAMPLES = 20.0  # kept per period of the highest frequency asked for
@@ -46,42 +49,52 @@ def nrmse(measured: Floats, simulated: Floats) -> float | None:
     return float(np.sqrt(np.dot(difference, difference) / scale))
 
 
-def amplitude_spectra(rows: Floats, rate_hz: float, up_to_hz: float) -> Floats:
+def amplitude_spectrum(values: Floats, rate_hz: float, up_to_hz: float) -> Floats:
     """Return the amplitudes of the bins above 0 up to ``up_to_hz`` behind a Hann window.
 
     The bins are those of the full length n, k rate / n, whatever its prime factors: the
-    windowed signals are thinned and their spectra taken at these bins by the chirp-z
-    transform.
+    windowed signal is thinned and its spectrum taken at these bins by the chirp-z transform.
 
     Parameters
     ----------
-    rows : (j, n) float64
-        Signals that hold nothing above ten times ``up_to_hz``, as behind a low-pass.
+    values : (n,) float64
+        A signal that holds nothing above ten times ``up_to_hz``, as behind a low-pass.
     rate_hz : float
-        Rate of ``rows``, Hz.
+        Its rate, Hz.
     up_to_hz : float
         Highest frequency asked for, Hz.
 
     Returns
     -------
-    amplitudes : (j, k) float64
-        Unit of ``rows``; without columns where no bin lies in the range.
+    amplitudes : (k,) float64
+        Unit of ``values``; empty where no bin lies in the range.
     """
-    n = rows.shape[-1]
+    n = len(values)
     n_bins = min(int(up_to_hz * n / rate_hz + 1e-9), (n - 1) // 2)
     if n_bins < 1:
-        return np.zeros((len(rows), 0))
+        return np.zeros(0)
     # the chirp-z transform needs two bins to step between
     step = thinning(rate_hz, SPECTRUM_SAMPLES * up_to_hz) if n_bins > 1 else 1
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi / n * np.arange(0, n, step))
-    windowed = (rows[:, ::step] - rows.mean(axis=-1, keepdims=True)) * window
-    if step == 1:
-        lines = fft.rfft(windowed)[:, 1 : n_bins + 1]
-    else:
-        ends = (rate_hz / n, n_bins * rate_hz / n)
-        lines = signal.zoom_fft(windowed, ends, n_bins, fs=rate_hz / step, endpoint=True)
+    mean = float(values.mean())
+    thin = values[::step] - mean
+    if np.abs(thin).max() <= ROUNDING * abs(mean):
+        return np.zeros(n_bins)
+    thin *= 0.5 - 0.5 * np.cos(2.0 * np.pi / n * np.arange(0, n, step))
+    transform = _plain if step == 1 else _zoom(len(thin), n, n_bins, step)
+    lines = transform(thin)[:n_bins]
     # a Hann window passes half of a line's amplitude, a real line splits in two
     return np.abs(lines) * (4.0 * step / n)
+
+
+def _plain(values: Floats) -> NDArray[np.complex128]:
+    """Return the bins above 0."""
+    return np.asarray(fft.rfft(values)[1:])
+
+
+@lru_cache(maxsize=1)
+def _zoom(n_thin: int, n: int, n_bins: int, step: int) -> signal.ZoomFFT:
+    """Plan the transform of ``n_thin`` samples at the bins 1 to ``n_bins`` of ``n`` samples."""
+    return signal.ZoomFFT(n_thin, (step / n, n_bins * step / n), n_bins, fs=1.0, endpoint=True)
 
 
 def spectrum_correlation(
@@ -92,5 +105,7 @@ def spectrum_correlation(
     Hann window, bins above 0 up to ``up_to_hz``; ``None`` for fewer than two bins or where
     one signal is constant.
     """
-    rows = np.stack([centred(measured), centred(simulated)])
-    return correlation(*amplitude_spectra(rows, rate_hz, up_to_hz))
+    return correlation(
+        amplitude_spectrum(measured, rate_hz, up_to_hz),
+        amplitude_spectrum(simulated, rate_hz, up_to_hz),
+    )

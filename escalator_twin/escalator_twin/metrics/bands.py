@@ -7,7 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from escalator_twin.errors import SynchronisationError
-from escalator_twin.metrics.filters import bridge, centred, highpass, lowpass, Mask, thinning
+from escalator_twin.metrics.filters import (
+    bridge,
+    centred,
+    highpass,
+    interpolate,
+    lowpass,
+    Mask,
+    thinning,
+)
 from escalator_twin.metrics.track import BAND_HZ, LOW_HZ, Track
 from escalator_twin.signals import Floats
 
@@ -24,7 +32,7 @@ class Pair(NamedTuple):
 
 @dataclass(frozen=True)
 class Bands:
-    """A pair of signals on a track; every band is filtered once, when first asked for.
+    """A pair of signals on a track, in bands.
 
     Build it with `split_bands`. Means are removed. Where ``valid`` is false both signals are
     bridged by straight lines between the same samples, so that what a filter makes of
@@ -33,33 +41,20 @@ class Bands:
     Attributes
     ----------
     track : Track
-    measured, simulated : (n,) float64
-        Bridged and centred, the channel's unit.
+    low : Pair of (n,) float64
+        Below 2 Hz, all n samples, the channel's unit.
+    band : Pair of (n / track.step,) float64
+        Below 20 Hz, every ``track.step``-th sample.
     valid : (n,) bool
-    mean : Pair of float
-        The means that were removed.
+    mean : tuple of float
+        The means that were removed, measured and simulated.
     """
 
     track: Track
-    measured: Floats
-    simulated: Floats
+    low: Pair
+    band: Pair
     valid: Mask
     mean: tuple[float, float]
-
-    @cached_property
-    def low(self) -> Pair:
-        """Below 2 Hz, all n samples."""
-        rate = self.track.rate_hz
-        return Pair(lowpass(self.measured, LOW_HZ, rate), lowpass(self.simulated, LOW_HZ, rate))
-
-    @cached_property
-    def band(self) -> Pair:
-        """Below 20 Hz, every ``track.step``-th sample."""
-        rate, step = self.track.rate_hz, self.track.step
-        return Pair(
-            lowpass(self.measured, BAND_HZ, rate)[::step].copy(),
-            lowpass(self.simulated, BAND_HZ, rate)[::step].copy(),
-        )
 
     @cached_property
     def ripple(self) -> Pair:
@@ -71,12 +66,6 @@ class Bands:
         cut, rate = self.track.ripple_hz, self.track.rate_hz / self.track.step
         band = self.band
         return Pair(highpass(band.measured, cut, rate), highpass(band.simulated, cut, rate))
-
-    @cached_property
-    def trend(self) -> Pair:
-        """What `band` has below half a cycle per pitch."""
-        band, ripple = self.band, self.ripple
-        return Pair(band.measured - ripple.measured, band.simulated - ripple.simulated)
 
     @cached_property
     def slow(self) -> Pair:
@@ -104,8 +93,30 @@ class Bands:
 
     @cached_property
     def trend_kept(self) -> Pair:
-        """Samples of `trend` that are scored."""
-        return self._valid(self.trend, self.track.kept_thin, self.track.step)
+        """What `band_kept` has below half a cycle per pitch."""
+        return _less(self.band_kept, self.ripple_kept)
+
+    @cached_property
+    def low_twice(self) -> Pair:
+        """`low` of the measurement at the same places, one loop apart."""
+        return self._twice(self.low.measured[:: self.track.step])
+
+    @cached_property
+    def ripple_twice(self) -> Pair:
+        """`ripple` of the measurement at the same places, one loop apart."""
+        return self._twice(self.ripple.measured)
+
+    @cached_property
+    def trend_twice(self) -> Pair:
+        """The trend of the measurement at the same places, one loop apart."""
+        return _less(self._twice(self.band.measured), self.ripple_twice)
+
+    def _twice(self, thin: Floats) -> Pair:
+        """Return ``thin``, every ``track.step``-th sample, at the track's pairs of passages."""
+        first, second = self.track.passages
+        valid = self.valid[:: self.track.step]
+        real = valid[first] & valid[np.rint(second).astype(np.int64)]
+        return Pair(thin[first[real]], interpolate(thin, second[real]))
 
     def _valid(self, pair: Pair, kept: slice, step: int) -> Pair:
         """Return the samples of ``pair`` in ``kept`` that are real."""
@@ -141,10 +152,20 @@ def split_bands(
     real = np.isfinite(measured) & np.isfinite(simulated)
     if valid is not None:
         real &= valid
-    means = []
-    rows = []
-    for row in (measured, simulated):
-        whole = bridge(np.asarray(row, dtype=np.float64), real)
-        means.append(float(whole.mean()) if len(whole) else 0.0)
-        rows.append(centred(whole))
-    return Bands(track, rows[0], rows[1], real, (means[0], means[1]))
+    rows = [_filtered(row, real, track) for row in (measured, simulated)]
+    low, band, mean = zip(*rows, strict=True)
+    return Bands(track, Pair(*low), Pair(*band), real, (mean[0], mean[1]))
+
+
+def _filtered(row: Floats, real: Mask, track: Track) -> tuple[Floats, Floats, float]:
+    """Return one signal below 2 Hz, below 20 Hz and thinned, and its mean."""
+    whole = bridge(np.asarray(row, dtype=np.float64), real)
+    mean = float(whole.mean()) if len(whole) else 0.0
+    whole = centred(whole)
+    band = lowpass(whole, BAND_HZ, track.rate_hz)[:: track.step].copy()
+    return lowpass(whole, LOW_HZ, track.rate_hz), band, mean
+
+
+def _less(one: Pair, other: Pair) -> Pair:
+    """Return the difference of two pairs."""
+    return Pair(one.measured - other.measured, one.simulated - other.simulated)

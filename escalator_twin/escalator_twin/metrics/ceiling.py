@@ -1,10 +1,7 @@
 """The noise ceiling: how well the measurement agrees with itself, one loop later."""
 
-import numpy as np
-
 from escalator_twin.metrics.agreement import correlation
 from escalator_twin.metrics.bands import Bands
-from escalator_twin.signals import Floats
 
 LEAST_SHARE = 0.25  # of a loop that must have been passed twice
 
@@ -23,46 +20,14 @@ def ceiling_r_time(bands: Bands) -> float | None:
     reaches about the square root of it. ``None`` where less than a quarter of a loop was
     passed twice.
     """
-    return _self_correlation(bands, bands.low.measured[:: bands.track.step])
+    return None if ceiling_share(bands) is None else correlation(*bands.low_twice)
 
 
 def ripple_ceiling(bands: Bands) -> float | None:
     """Return the same as `ceiling_r_time` for the ripple."""
-    return _self_correlation(bands, bands.ripple.measured)
+    return None if ceiling_share(bands) is None else correlation(*bands.ripple_twice)
 
 
 def trend_ceiling(bands: Bands) -> float | None:
     """Return the same as `ceiling_r_time` for the trend."""
-    return _self_correlation(bands, bands.trend.measured)
-
-
-def _self_correlation(bands: Bands, thin: Floats) -> float | None:
-    """Correlate ``thin``, on the grid thinned by the track's step, with itself a loop later."""
-    if ceiling_share(bands) is None:
-        return None
-    first, second = bands.track.passages
-    valid = bands.valid[:: bands.track.step]
-    real = valid[first] & valid[np.rint(second).astype(np.int64)]
-    again = interpolate(thin, second)
-    if real.all():
-        return correlation(thin[first], again)
-    return correlation(thin[first][real], again[real])
-
-
-def interpolate(values: Floats, index: Floats) -> Floats:
-    """Return ``values`` (n,) at fractional ``index`` (k,), by a cubic through four samples.
-
-    Lagrange's polynomial; its error for a sine of w radians per sample is at most
-    3/128 w**4 of the amplitude.
-    """
-    n = len(values)
-    if n < 4:
-        return np.interp(index, np.arange(n), values)
-    base = np.clip(index.astype(np.int64), 1, n - 3)
-    t = index - base
-    return (
-        values[base - 1] * (t * (t - 1.0) * (t - 2.0) / -6.0)
-        + values[base] * ((t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0)
-        + values[base + 1] * ((t + 1.0) * t * (t - 2.0) / -2.0)
-        + values[base + 2] * ((t + 1.0) * t * (t - 1.0) / 6.0)
-    )
+    return None if ceiling_share(bands) is None else correlation(*bands.trend_twice)

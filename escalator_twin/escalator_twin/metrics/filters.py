@@ -13,6 +13,7 @@ ORDER = 4  # Butterworth, as Cano-Moreno et al., section V
 HIGHPASS_ORDER = 8
 # of a mean or an amplitude: below this a variation is rounding, not signal
 ROUNDING = 1e-12
+PIECE = 1 << 16  # samples filtered at a time: half a megabyte stays in the cache
 
 
 def lowpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
@@ -23,7 +24,7 @@ def lowpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
     if cutoff_hz >= 0.5 * rate_hz or len(values) < 2:
         return values
     sections = signal.butter(ORDER, cutoff_hz, fs=rate_hz, output='sos')
-    return signal.sosfiltfilt(sections, values, padlen=min(_pad(sections), len(values) - 1))
+    return zero_phase(sections, values, min(_pad(sections), len(values) - 1))
 
 
 def highpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
@@ -35,7 +36,26 @@ def highpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
         return np.zeros_like(values)
     sections = signal.butter(HIGHPASS_ORDER, cutoff_hz, 'highpass', fs=rate_hz, output='sos')
     pad = min(int(3.0 * rate_hz / cutoff_hz), len(values) - 1)
-    return signal.sosfiltfilt(sections, values, padlen=pad)
+    return zero_phase(sections, values, pad)
+
+
+def zero_phase(sections: Floats, values: Floats, pad: int) -> Floats:
+    """Return what ``scipy.signal.sosfiltfilt`` does, to the last bit, in a third of the memory.
+
+    ``values`` (n,) are continued by ``pad`` samples, mirrored in their ends, and filtered piece
+    by piece in place, forwards and backwards.
+    """
+    whole = np.empty(len(values) + 2 * pad)
+    whole[pad : pad + len(values)] = values
+    whole[:pad] = 2.0 * values[0] - values[pad:0:-1]
+    whole[pad + len(values) :] = 2.0 * values[-1] - values[-2 : -pad - 2 : -1]
+    rest = signal.sosfilt_zi(sections)
+    for row in (whole, whole[::-1]):
+        state = rest * row[0]
+        for start in range(0, len(row), PIECE):
+            piece = slice(start, start + PIECE)
+            row[piece], state = signal.sosfilt(sections, row[piece], zi=state)
+    return whole[pad : pad + len(values)]
 
 
 def _pad(sections: Floats) -> int:
@@ -75,3 +95,22 @@ def centred(values: Floats) -> Floats:
 def thinning(rate_hz: float, wanted_hz: float) -> int:
     """Return the step that thins ``rate_hz`` to at least ``wanted_hz``, 1 where it cannot."""
     return max(1, int(rate_hz / wanted_hz))
+
+
+def interpolate(values: Floats, index: Floats) -> Floats:
+    """Return ``values`` (n,) at fractional ``index`` (k,), by a cubic through four samples.
+
+    Lagrange's polynomial; its error for a sine of w radians per sample is at most
+    3/128 w**4 of the amplitude.
+    """
+    n = len(values)
+    if n < 4:
+        return np.interp(index, np.arange(n), values)
+    base = np.clip(index.astype(np.int64), 1, n - 3)
+    t = index - base
+    return (
+        values[base - 1] * (t * (t - 1.0) * (t - 2.0) / -6.0)
+        + values[base] * ((t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0)
+        + values[base + 1] * ((t + 1.0) * t * (t - 2.0) / -2.0)
+        + values[base + 2] * ((t + 1.0) * t * (t - 1.0) / 6.0)
+    )

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from escalator_twin.errors import NotYetError
 from escalator_twin.metrics.agreement import (
     correlation,
     nrmse,
@@ -17,12 +16,11 @@ from escalator_twin.metrics.ceiling import (
     trend_ceiling,
 )
 from escalator_twin.metrics.filters import thinning
+from escalator_twin.metrics.iso import iso_18571
 from escalator_twin.metrics.lag import remaining_lag
 from escalator_twin.metrics.orders import order_scores
 from escalator_twin.metrics.track import LOW_HZ
 from escalator_twin.metrics.validation import area_metric, sprague_geers, theil
-
-NOT_YET = ('iso_18571',)
 
 Values = dict[str, float | None]
 Score = float | None | Values | list[Values]
@@ -68,12 +66,6 @@ def _orders(bands: Bands) -> list[Values]:
         }
         for score in order_scores(bands)
     ]
-
-
-def _iso_18571(bands: Bands) -> Score:
-    """Refuse to rate by ISO/TS 18571, which this version does not compute."""
-    n = len(bands.low_kept.measured)
-    raise NotYetError(f'iso_18571: ISO/TS 18571 of {n} samples: not computed by this version')
 
 
 def _share_of_ceiling(bands: Bands) -> Values:
@@ -127,15 +119,15 @@ METRICS: dict[str, Metric] = {
     'sprague_geers': lambda bands: sprague_geers(*bands.low_kept),
     'theil': lambda bands: theil(*bands.low_kept),
     'area_metric': _area_metric,
-    'iso_18571': _iso_18571,
+    'iso_18571': iso_18571,
 }
+
+
+# by their cost: seconds a channel, and a library of their own
+SLOW = ('iso_18571',)
+QUICK = tuple(name for name in METRICS if name not in SLOW)
 
 
 def score(bands: Bands, names: tuple[str, ...] = CONTRACT) -> dict[str, Score]:
     """Return the named metrics of one channel; ``None`` where one is undefined."""
     return {name: METRICS[name](bands) for name in names}
-
-
-def available() -> tuple[str, ...]:
-    """Return the names of all metrics that this version computes."""
-    return tuple(name for name in METRICS if name not in NOT_YET)
