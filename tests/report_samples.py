@@ -17,6 +17,7 @@ def overlay_columns(scale, gap=False):
     return {
         'time_s': time.tolist(),
         'travel_m': travel.tolist(),
+        'place_m': ((3.7 - travel) % 4.0).tolist(),
         'measured': measured,
         'simulated': wave.tolist(),
     }
@@ -52,7 +53,6 @@ def recording(case_id='low_up_empty_lo', path='/bags/one', **changes):
         'quality': [],
         'overlay': {
             'band_hz': 8.0,
-            'loop_m': 4.0,
             'channels': {
                 name: overlay_columns(1000.0 / 10**i, gap=i == 0)
                 for i, name in enumerate(CHANNELS)

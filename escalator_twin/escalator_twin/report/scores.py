@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from escalator_twin.report.documents import Json, number
-from escalator_twin.report.numerals import correlation, milli, percent
+from escalator_twin.report.numerals import correlation, fixed, milli, percent
 
 # A cell's shade grows with the distance from agreement, in steps of about a factor of three; it
 # repeats the number and decides nothing.
@@ -30,6 +30,8 @@ class Score:
         Distances from agreement where the shade gets darker.
     distance : callable
         From agreement; gets the value and its ceiling or ``None``.
+    show_change : callable
+        Returns a printed difference of two values.
     ceiling : str
         Key of the best value that could be reached; empty where there is none.
     """
@@ -40,6 +42,7 @@ class Score:
     show: Callable[[float | None], str]
     steps: tuple[float, ...]
     distance: Callable[[float, float | None], float]
+    show_change: Callable[[float | None], str]
     ceiling: str = ''
 
     def shade(self, scores: Json) -> int:
@@ -60,6 +63,14 @@ def _size(value: float, _: float | None) -> float:
     return abs(value)
 
 
+def _change(value: float | None) -> str:
+    return fixed(value, 4, sign=True)
+
+
+def _change_percent(value: float | None) -> str:
+    return percent(value, 2, sign=True)
+
+
 SCORES: dict[str, Score] = {
     score.key: score
     for score in (
@@ -71,6 +82,7 @@ SCORES: dict[str, Score] = {
             correlation,
             SHORTFALL,
             _short,
+            _change,
             'ceiling_r_time',
         ),
         Score(
@@ -81,6 +93,7 @@ SCORES: dict[str, Score] = {
             correlation,
             SHORTFALL,
             _short,
+            _change,
         ),
         Score(
             'nrmse',
@@ -90,6 +103,7 @@ SCORES: dict[str, Score] = {
             percent,
             RELATIVE,
             _size,
+            _change_percent,
         ),
         Score(
             'lag_s',
@@ -98,6 +112,7 @@ SCORES: dict[str, Score] = {
             milli,
             DELAY_S,
             _size,
+            milli,
         ),
         Score(
             'ripple_r',
@@ -107,6 +122,7 @@ SCORES: dict[str, Score] = {
             correlation,
             RIPPLE,
             _short,
+            _change,
             'ripple_ceiling',
         ),
         Score(
@@ -116,6 +132,7 @@ SCORES: dict[str, Score] = {
             percent,
             RELATIVE,
             _size,
+            _change_percent,
         ),
     )
 }

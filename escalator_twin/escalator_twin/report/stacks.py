@@ -1,13 +1,12 @@
 """Stacks of panels: what the page's script draws, one stack a recording and kind of plot."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from escalator_twin.report.channels import channel_unit, display_scale
-from escalator_twin.report.documents import Entry, Json, number, table, text
+from escalator_twin.report.documents import Entry, Json, table, text
 from escalator_twin.report.series import array, band, largest, pack, spectrum
 from escalator_twin.signals import Floats
 
@@ -41,15 +40,19 @@ class Panel:
 
 @dataclass(frozen=True)
 class Axis:
-    """What a stack can be drawn over; ``origin`` names the axis that it is computed from."""
+    """What a stack can be drawn over."""
 
     name: str
     label: str
     unit: str
-    origin: str = ''
-    sign: int = 1
-    offset: float = 0.0
-    modulo: float | None = None
+
+
+# The path coordinate comes back where the chain has gone round once.
+AXES = (
+    Axis('time', 'time', 's'),
+    Axis('travel', 'travel', 'm'),
+    Axis('place', 'path coordinate of axle 0', 'm'),
+)
 
 
 @dataclass(frozen=True)
@@ -78,19 +81,12 @@ class Stack:
             )
         return {
             'axes': [
-                {
-                    'name': axis.name,
-                    'label': axis.label,
-                    'unit': axis.unit,
-                    'from': axis.origin,
-                    'sign': axis.sign,
-                    'offset': axis.offset,
-                    'modulo': axis.modulo,
-                }
-                for axis in self.axes
+                {'name': axis.name, 'label': axis.label, 'unit': axis.unit} for axis in self.axes
             ],
             'axis': self.first_axis,
-            'grids': [{name: pack(x, True) for name, x in grid.items()} for grid in grids],
+            'grids': [
+                {name: pack(x, name != 'place') for name, x in grid.items()} for grid in grids
+            ],
             'panels': panels,
         }
 
@@ -114,36 +110,20 @@ def signal_stack(entry: Entry) -> Stack | None:
     ]
     if not panels:
         return None
-    axes = [Axis('time', 'time', 's')]
-    if all('travel' in panel.x for panel in panels):
-        axes.append(Axis('travel', 'travel', 'm'))
-        axes += _place(entry.data, overlay, panels)
-    return Stack(
-        f'{entry.key}-signals', tuple(axes), axes[min(1, len(axes) - 1)].name, tuple(panels)
-    )
-
-
-def _place(data: Json, overlay: Json, panels: Sequence[Panel]) -> list[Axis]:
-    """Return the axis of path coordinate: of axle 0, one loop where the loop's length is told."""
-    start, way = number(data.get('start_s_m')), number(data.get('direction'))
-    if start is None or way not in (-1.0, 1.0):
-        return []
-    sign = int(way)
-    offset = start - sign * float(panels[0].x['travel'][0])
-    loop = number(overlay.get('loop_m')) or number(data.get('loop_m'))
-    return [Axis('place', 'path coordinate of axle 0', 'm', 'travel', sign, offset, loop)]
+    axes = tuple(axis for axis in AXES if all(axis.name in panel.x for panel in panels))
+    first = 'travel' if any(axis.name == 'travel' for axis in axes) else 'time'
+    return Stack(f'{entry.key}-signals', axes, first, tuple(panels))
 
 
 def _signal_panel(channel: str, columns: Json) -> Panel | None:
-    x = {'time': array(columns.get('time_s')), 'travel': array(columns.get('travel_m'))}
+    x = {axis.name: array(columns.get(f'{axis.name}_{axis.unit}')) for axis in AXES}
     y = {name: array(columns.get(name)) for name in DRAWN if columns.get(name)}
     n = len(x['time'])
     if not {'measured', 'simulated'} <= y.keys() or n < 2:
         return None
     if any(len(values) != n for values in y.values()) or not np.isfinite(x['time']).all():
         return None
-    if len(x['travel']) != n or not np.isfinite(x['travel']).all():
-        del x['travel']
+    x = {name: way for name, way in x.items() if len(way) == n and np.isfinite(way).all()}
     unit = channel_unit(channel, text(columns.get('unit')))
     scale, shown = display_scale(largest(*y.values()), unit)
     return Panel(channel, shown, x, {k: v / scale for k, v in y.items()}, has_residual=True)

@@ -9,6 +9,21 @@ from escalator_twin.report.section import Context, Section
 from escalator_twin.report.stacks import signal_stack, spectrum_stack, Stack
 
 OPEN = 1  # recordings whose details are open at first, where there are several
+SHOWN = ('ceiling_r_time', 'ceiling_share', 'ripple_ceiling', 'orders')  # of a channel
+TOLD_ELSEWHERE = (
+    'case_id',
+    'channels',
+    'clock',
+    'direction',
+    'overlay',
+    'path',
+    'place_lead',
+    'quality',
+    'sensor_pose',
+    'set_speed_m_s',
+    'speed_m_s',
+    'start_s_m',
+)
 COHERENT = 0.5  # below, ratio and phase of an order are printed pale
 
 
@@ -35,6 +50,9 @@ def _chapter(entry: Entry) -> Context:
             name: share(scores, 'ripple_r', 'ripple_ceiling') for name, scores in channels.items()
         },
         'notes': {name: _note(scores) for name, scores in channels.items()},
+        'ceiling_share': _span([number(s.get('ceiling_share')) for s in channels.values()]),
+        'further': _further(channels),
+        'more': {key: value for key, value in entry.data.items() if key not in TOLD_ELSEWHERE},
         'pose': table(entry.data.get('sensor_pose')),
         'band_hz': number(table(entry.data.get('overlay')).get('band_hz')),
         'signals': _drawn(signals) if signals else None,
@@ -62,6 +80,23 @@ def _drawn(stack: Stack) -> dict[str, Any]:
         'stills': [still(panel, axis) for panel in stack.panels],
         'is_extended': any('extended' in panel.y for panel in stack.panels),
     }
+
+
+def _span(values: list[float | None]) -> tuple[float, float] | None:
+    known = [value for value in values if value is not None]
+    return (min(known), max(known)) if known else None
+
+
+def _further(channels: dict[str, Json]) -> dict[str, Json]:
+    """Return the scores that the first table does not have, parts of a score apart."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, scores in channels.items():
+        for key, value in scores.items():
+            if key in SCORES or key in SHOWN:
+                continue
+            parts = value if isinstance(value, dict) else {'': value}
+            found.setdefault(name, {}).update({f'{key} {k}'.strip(): v for k, v in parts.items()})
+    return dict(found)
 
 
 def _orders(channels: dict[str, Any]) -> Context | None:

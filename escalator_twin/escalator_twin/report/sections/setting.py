@@ -4,13 +4,15 @@ from escalator_twin.report.documents import Entry, Json, number, Page, table
 from escalator_twin.report.published import speed_error
 from escalator_twin.report.section import Context, Section
 
+NORMAL_95 = 1.96  # standard deviations of a 95 % interval
+
 
 def context(page: Page) -> Context | None:
     """Return one row a recording."""
     if not page.recordings:
         return None
     rows = [_row(entry) for entry in page.recordings]
-    return {'rows': rows, 'has_lead': any(row['lead'] is not None for row in rows)}
+    return {'rows': rows, 'has_signals': any(row['signals'] for row in rows)}
 
 
 def _row(entry: Entry) -> Context:
@@ -23,10 +25,24 @@ def _row(entry: Entry) -> Context:
         'speed': table(data.get('speed_m_s')),
         'error': speed_error(data),
         'start': number(data.get('start_s_m')),
-        'lead': number(data.get('place_lead')),
         'clock': clock,
         'offset_doubt': _half(_interval(clock), 'offset_low_s', 'offset_high_s'),
+        'signals': _by_signals(table(clock.get('by_signals'))),
         'drift_doubt': _half(_interval(clock), 'drift_low_ppm', 'drift_high_ppm'),
+    }
+
+
+def _by_signals(told: Json) -> Context | None:
+    """Return the second estimate of the clocks with its 95 % doubts."""
+    offset, drift = number(told.get('offset_s')), number(told.get('drift_ppm'))
+    if offset is None or drift is None:
+        return None
+    doubts = number(told.get('offset_sd_s')), number(told.get('drift_sd_ppm'))
+    return {
+        'offset': offset,
+        'drift': drift,
+        'offset_doubt': None if doubts[0] is None else NORMAL_95 * doubts[0],
+        'drift_doubt': None if doubts[1] is None else NORMAL_95 * doubts[1],
     }
 
 

@@ -23,11 +23,7 @@ class Stack {
 
   choose(name) {
     this.axis = this.axes.find((axis) => axis.name === name);
-    this.columns = this.grids.map((grid) => {
-      const x = abscissa(this.axis, grid);
-      x.span = this.axis.modulo || 0;
-      return x;
-    });
+    this.columns = this.grids.map((grid) => grid[name]);
     this.full = extent(this.columns);
     this.range = this.full;
   }

@@ -20,8 +20,9 @@ function node(name, attributes, parent, text) {
   return made;
 }
 
-// A path through the samples in view; through the extremes of a pixel where it holds many.
-function outline(x, y, toX, toY, range) {
+// A path through the samples in view; through the extremes of a pixel where it holds many. It
+// breaks at gaps, and where the abscissa comes back.
+function outline(x, y, toX, toY, range, whole) {
   const parts = [];
   let column = null;
   let pen = false;
@@ -37,7 +38,7 @@ function outline(x, y, toX, toY, range) {
   };
   const span = range[1] - range[0];
   for (let i = 0; i < x.length; i += 1) {
-    const isFar = Number.isFinite(last) && Math.abs(x[i] - last) > 0.5 * (x.span || span);
+    const isFar = Number.isFinite(last) && Math.abs(x[i] - last) > 0.5 * whole;
     last = x[i];
     const isOut = x[i] < range[0] - 0.02 * span || x[i] > range[1] + 0.02 * span;
     if (Number.isNaN(y[i]) || isOut || isFar) {
@@ -128,9 +129,10 @@ class Panel {
     const clip = `clip-${this.stack.key}-${this.data.channel}-${top}`.replace(/[^\w-]/g, '-');
     const clipPath = node('clipPath', { id: clip }, svg);
     node('rect', { x: MARGIN.left, y: top, width: this.width - MARGIN.left - MARGIN.right, height }, clipPath);
+    const whole = this.stack.full[1] - this.stack.full[0];
     const group = node('g', { 'clip-path': `url(#${clip})` }, svg);
     for (const [name, values] of Object.entries(lines)) {
-      node('path', { class: name, d: outline(this.x, values, this.toX, toY, this.range) }, group);
+      node('path', { class: name, d: outline(this.x, values, this.toX, toY, this.range, whole) }, group);
     }
   }
 

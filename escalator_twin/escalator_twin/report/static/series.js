@@ -16,16 +16,6 @@ function unpack(packed) {
   return values;
 }
 
-// The abscissa of a grid: as it came, or computed from another, folded into one loop.
-function abscissa(axis, grid) {
-  if (!axis.from) return grid[axis.name];
-  const fold = (value) => value - axis.modulo * Math.floor(value / axis.modulo);
-  return grid[axis.from].map((value) => {
-    const place = axis.offset + axis.sign * value;
-    return axis.modulo ? fold(place) : place;
-  });
-}
-
 function minus(first, second) {
   return first.map((value, i) => value - second[i]);
 }
