@@ -3,10 +3,9 @@
 import mujoco
 import numpy as np
 
-from escalator_twin.physics.parameters import SIDES, Parameters
+from escalator_twin.physics.parameters import Parameters, SIDES
 
 AXES = {'x': (1.0, 0.0, 0.0), 'y': (0.0, 1.0, 0.0), 'z': (0.0, 0.0, 1.0)}
-TINY_KG = 1e-6  # a body whose mass sits in its children still needs one of its own
 OFF = (
     'mjDSBL_CONSTRAINT', 'mjDSBL_EQUALITY', 'mjDSBL_FRICTIONLOSS', 'mjDSBL_LIMIT',
     'mjDSBL_CONTACT', 'mjDSBL_SPRING', 'mjDSBL_DAMPER', 'mjDSBL_CLAMPCTRL', 'mjDSBL_ACTUATION',
@@ -14,8 +13,10 @@ OFF = (
 )  # fmt: skip
 
 
-def _slide(body: mujoco.MjsBody, name: str, axis: tuple[float, float, float]) -> None:
-    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+def _slide(
+    body: mujoco.MjsBody, name: str, axis: tuple[float, float, float], added_kg: float = 0.0
+) -> None:
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=added_kg)
 
 
 def _body(parent: mujoco.MjsBody, name: str, mass: float) -> mujoco.MjsBody:
@@ -24,16 +25,21 @@ def _body(parent: mujoco.MjsBody, name: str, mass: float) -> mujoco.MjsBody:
     )
 
 
-def build_spec(p: Parameters, step_s: float, half_gauge_m: float, radius_m: float):
+def build_spec(
+    p: Parameters, step_s: float, half_gauge_m: float, radius_m: float, visual: bool
+) -> mujoco.MjSpec:
     """Return the ``MjSpec`` of a chain in the coordinates of the force law.
 
     Parameters
     ----------
     p : Parameters
+        Of the force law.
     step_s : float
         Time step, s.
     half_gauge_m, radius_m : float
         Half the track gauge and the rollers' radius, m, for what a viewer shows.
+    visual : bool
+        Add the rollers as spheres, for a viewer.
     """
     spec = mujoco.MjSpec()
     spec.modelname = 'linked_chain'
@@ -52,17 +58,20 @@ def build_spec(p: Parameters, step_s: float, half_gauge_m: float, radius_m: floa
         _slide(_body(world, 'frame', p.frame[0]), 'frame', AXES['z'])
     names = SIDES if p.n_sides == 2 else ('both',)
     for i in range(p.end_mass.shape[1]):
-        axle = _body(world, f'axle_{i}', TINY_KG)
-        _slide(axle, f'axle_{i}_y', AXES['y'])
         for side, name in enumerate(names):
-            end = _body(axle, f'axle_{i}_{name}', p.end_mass[side, i])
+            end = _body(world, f'axle_{i}_{name}', p.end_mass[side, i])
+            if side == 0:
+                # the axle moves sideways as one: its first end carries the others' inertia
+                rest = float(p.end_mass[1:, i].sum())
+                _slide(end, f'axle_{i}_y', AXES['y'], rest)
             for axis in ('x', 'z'):
                 _slide(end, f'axle_{i}_{name}_{axis}', AXES[axis])
-            place = (0.0, half_gauge_m * (1 - 2 * side) * (p.n_sides - 1), 0.0)
-            end.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius_m, 0, 0], pos=place,
-                contype=0, conaffinity=0, mass=0.0,
-            )  # fmt: skip
+            if visual:
+                place = (0.0, half_gauge_m * (1 - 2 * side) * (p.n_sides - 1), 0.0)
+                end.add_geom(
+                    type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius_m, 0, 0], pos=place,
+                    contype=0, conaffinity=0, mass=0.0,
+                )  # fmt: skip
     return spec
 
 

@@ -77,6 +77,7 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
     Parameters
     ----------
     machine : Machine
+        Its deviations are not looked at.
     experiment : Experiment
         ``set_speed_m_s`` is taken as the rack's real speed.
     planar : bool

@@ -3,17 +3,18 @@
 from dataclasses import dataclass
 from math import cos, pi, radians, sin, tan
 
-import numba
 import numpy as np
 
 from escalator_twin.errors import MachineError
 from escalator_twin.machine import Guide
+from escalator_twin.physics.compiled import compiled, inlined
 from escalator_twin.signals import Floats
 
 # Columns of a segment row. Lines and arcs share them; an arc's reference direction is the unit
 # vector from its centre to its middle, so that no angle of a half turn meets the cut of atan2.
 # SCALE is path coordinate over length: 1, but on a landing that was laid longer than designed.
-KIND, X, Z, CX, CZ, HALF, RADIUS, TURN, START, LENGTH, CARRIAGE, FIXED, SCALE = range(13)
+# FIXED and GROWS: the lower, the upper end of a segment goes with the carriage.
+KIND, X, Z, CX, CZ, HALF, RADIUS, TURN, START, LENGTH, CARRIAGE, FIXED, SCALE, GROWS = range(14)
 LINE, ARC = 0.0, 1.0
 
 
@@ -23,7 +24,7 @@ class GuidePath:
 
     Attributes
     ----------
-    segments : (n, 13) float64
+    segments : (n, 14) float64
         See the column names of this module; lengths in m.
     length_m : float
         Length of the loop with the carriage at rest, as designed.
@@ -38,7 +39,7 @@ class GuidePath:
 
 def _line(x: float, z: float, angle: float, length: float, fixed: float) -> list[float]:
     """Return a straight segment; ``fixed`` is the end that stays when the carriage moves."""
-    return [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed, 1.0]
+    return [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed, 1.0, 0.0]
 
 
 def _arc(
@@ -49,7 +50,7 @@ def _arc(
     middle = angle - turn * pi / 2 + turn * sweep / 2
     return [
         ARC, cx, cz, cos(middle), sin(middle), sweep / 2, radius, turn, 0.0,
-        radius * sweep, carriage, 0.0, 1.0,
+        radius * sweep, carriage, 0.0, 1.0, 0.0,
     ]  # fmt: skip
 
 
@@ -63,6 +64,7 @@ def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
     Parameters
     ----------
     guide : Guide
+        Its radii and lengths.
     upper_landing_extra_m : float
         Added to the upper landing of both runs (cause ``landing_length``). Path coordinates stay
         those of the design: the longer landing is mapped evenly on the designed one.
@@ -112,19 +114,24 @@ def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
     segments = np.array([row for row in rows if row[LENGTH] > 0.0])
     designed = segments[:, LENGTH] * segments[:, SCALE]
     segments[:, START] = np.concatenate([[0.0], np.cumsum(designed[:-1])])
+    segments[:, GROWS] = np.roll(segments[:, CARRIAGE], -1)
     segments.setflags(write=False)
     passenger = sum(row[LENGTH] * row[SCALE] for row in rows[:5])
     return GuidePath(segments, float(designed.sum()), passenger)
 
 
-@numba.njit(cache=True)
-def locate(segments, k, x, z, u, w):
+@compiled
+def locate(
+    segments: Floats, k: int, x: float, z: float, u: float, w: float
+) -> tuple[float, float, float, float]:
     """Project a point on segment ``k``.
 
     Parameters
     ----------
-    segments : (n, 13) float64
+    segments : (n, 14) float64
+        Of the path.
     k : int
+        The segment.
     x, z : float
         The point, m.
     u, w : float
@@ -155,9 +162,26 @@ def locate(segments, k, x, z, u, w):
     )
 
 
-@numba.njit(cache=True)
-def find_segment(segments, hint, x, z, u, w):
-    """Project a point on the path, walking from segment ``hint``; the path is smooth.
+@compiled
+def segment_at(segments: Floats, k: int, x: float, z: float, u: float, w: float) -> int:
+    """Return the segment that a point projects on, walking from ``k``; the path is smooth."""
+    n = len(segments)
+    for _ in range(n + 1):
+        local, _, _, _ = locate(segments, k, x, z, u, w)
+        if local < segments[k, FIXED] * -u:
+            k = k - 1 if k > 0 else n - 1
+        elif local >= segments[k, LENGTH] + segments[k, GROWS] * u:
+            k = k + 1 if k < n - 1 else 0
+        else:
+            break
+    return k
+
+
+@inlined
+def find_segment(
+    segments: Floats, hint: int, x: float, z: float, u: float, w: float
+) -> tuple[int, float, float, float, float]:
+    """Project a point on the path, looking first at segment ``hint``.
 
     Returns
     -------
@@ -166,25 +190,19 @@ def find_segment(segments, hint, x, z, u, w):
     local, offset, tx, tz : float
         As from ``locate``.
     """
-    n = len(segments)
     k = hint
-    for _ in range(n + 1):
+    local, offset, tx, tz = locate(segments, k, x, z, u, w)
+    # the landings that end at the carriage grow with it
+    if local < segments[k, FIXED] * -u or local >= segments[k, LENGTH] + segments[k, GROWS] * u:
+        k = segment_at(segments, k, x, z, u, w)
         local, offset, tx, tz = locate(segments, k, x, z, u, w)
-        following = k + 1 if k < n - 1 else 0
-        # the landings that end at the carriage grow with it
-        below = -u if segments[k, FIXED] == 1.0 else 0.0
-        above = segments[k, LENGTH] + (u if segments[following, CARRIAGE] == 1.0 else 0.0)
-        if local < below:
-            k = k - 1 if k > 0 else n - 1
-        elif local >= above:
-            k = following
-        else:
-            break
     return k, local, offset, tx, tz
 
 
-@numba.njit(cache=True)
-def point_at(segments, length, s, u):
+@compiled
+def point_at(
+    segments: Floats, length: float, s: float, u: float
+) -> tuple[float, float, float, float]:
     """Return (x, z, tx, tz) of the path at coordinate ``s`` with the carriage at ``u``.
 
     The lower landings are stretched evenly, so that every coordinate of the loop exists.

@@ -1,16 +1,18 @@
 """The rigid polygon: links of fixed length inscribed in the guide's centre line."""
 
-import numba
 import numpy as np
 from scipy.optimize import brentq
 
 from escalator_twin.errors import MachineError
+from escalator_twin.physics.compiled import compiled
 from escalator_twin.physics.path import GuidePath, point_at
 from escalator_twin.signals import Floats
 
 
-@numba.njit(cache=True)
-def next_place(segments, length, s, u, chord, sign):
+@compiled
+def next_place(
+    segments: Floats, length: float, s: float, u: float, chord: float, sign: float
+) -> float:
     """Return the coordinate, ahead (+1) or behind (-1) of ``s``, one chord away."""
     x, z, _, _ = point_at(segments, length, s, u)
     guess = s + sign * chord
@@ -26,8 +28,10 @@ def next_place(segments, length, s, u, chord, sign):
     return guess
 
 
-@numba.njit(cache=True)
-def walk(segments, length, s, u, chords, sign):
+@compiled
+def walk(
+    segments: Floats, length: float, s: float, u: float, chords: Floats, sign: float
+) -> Floats:
     """Return the coordinates reached from ``s`` by successive chords, unwrapped."""
     places = np.empty(len(chords) + 1)
     places[0] = s
@@ -42,6 +46,7 @@ def inscribe(path: GuidePath, chords: Floats, s: float) -> tuple[Floats, float]:
     Parameters
     ----------
     path : GuidePath
+        The guide's centre line.
     chords : (n,) float64
         Link lengths, m, the first from the corner at ``s`` ahead.
     s : float
@@ -61,9 +66,7 @@ def inscribe(path: GuidePath, chords: Floats, s: float) -> tuple[Floats, float]:
     """
 
     def excess(u: float) -> float:
-        return float(
-            walk(path.segments, path.length_m, s, u, chords, 1.0)[-1] - s - path.length_m
-        )
+        return float(walk(path.segments, path.length_m, s, u, chords, 1.0)[-1] - s - path.length_m)
 
     bound = float(chords.mean()) / 3.0
     if excess(-bound) * excess(bound) > 0.0:

@@ -8,12 +8,12 @@ import numpy as np
 from escalator_twin.errors import ExperimentError, MachineError
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics import run
-from escalator_twin.physics.kernel import make_state
-from escalator_twin.physics.mjcall import step_address
+from escalator_twin.physics.mjcall import address_of
 from escalator_twin.physics.model import build_spec, mass_diagonal
 from escalator_twin.physics.parameters import Parameters, SIDES
 from escalator_twin.physics.path import GuidePath, point_at, START
 from escalator_twin.physics.polygon import inscribe
+from escalator_twin.physics.state import make_state, NO_DOG, ROLLING, TIME, TRAVEL
 from escalator_twin.signals import Floats
 
 STEP_S = 1e-3
@@ -98,29 +98,44 @@ class Simulation:
         The guide that ``parameters`` was made with.
     step_s : float
         Time step, s.
+    visual : bool
+        Give the MuJoCo model shapes, for a viewer.
+    full_step : bool
+        Let MuJoCo run its whole ``mj_step``. Otherwise it only integrates: its forward pass would
+        find from the applied forces the very accelerations that the law has just found. It then
+        runs once at the end of every ``advance``, for whoever looks at the data.
     """
 
     def __init__(
-        self, machine: Machine, parameters: Parameters, path: GuidePath, step_s: float = STEP_S
+        self,
+        machine: Machine,
+        parameters: Parameters,
+        path: GuidePath,
+        step_s: float = STEP_S,
+        visual: bool = False,
+        full_step: bool = False,
     ) -> None:
         self.machine, self.parameters, self.path, self.step_s = machine, parameters, path, step_s
         self._given = parameters  # phases as given, for every start
         gauge = machine.chain.track_gauge_m / 2.0
-        spec = build_spec(parameters, step_s, gauge, machine.roller.diameter_m / 2.0)
+        spec = build_spec(parameters, step_s, gauge, machine.roller.diameter_m / 2.0, visual)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
-        self.mass = mass_diagonal(self.model, self.data)
-        axes = self.model.jnt_axis
-        self.heights = np.ascontiguousarray(axes[:, 2])
         sides, axles = parameters.end_mass.shape
-        self.state = make_state(sides, axles, self.model.nv)
-        self._step = step_address()
+        self.state = make_state(sides, axles, self.model.nv, 2 if parameters.frame[0] > 0.0 else 1)
+        mass = mass_diagonal(self.model, self.data)
+        self.host = run.Host(
+            self.data.qpos, self.data.qvel, self.data.qacc, self.data.qfrc_applied,
+            mass, mass * self.model.jnt_axis[:, 2] * parameters.gravity,
+            address_of('mj_step' if full_step else 'mj_Euler'),
+            self.model._address, self.data._address,
+        )  # fmt: skip
 
     @property
     def time_s(self) -> float:
         """Time since the start, s."""
-        return float(self.state.rack[1])
+        return float(self.state.rack[TIME])
 
     def start(self, start_s_m: float, settle_s: float = SETTLE_S) -> None:
         """Put axle 0 at a path coordinate, at speed, transients gone.
@@ -141,7 +156,7 @@ class Simulation:
             )
         way = p.speed * settle_s
         self._equilibrium((start_s_m - way) % self.path.length_m, -way)
-        self._shift_phases(self.state.rack[0] + way, settle_s)
+        self._shift_phases(self.state.rack[TRAVEL] + way, settle_s)
         self._set_off()
         if settle_s > 0.0:
             # axle 0 runs ahead of the rack or behind it by the polygon's share of a pitch
@@ -149,7 +164,7 @@ class Simulation:
             self.advance(max(settle_s - margin, 0.0), 1.0, np.zeros((0, 3), np.int64))
             self._run_to(start_s_m, 3.0 * margin)
         self._shift_phases(0.0, -self.time_s)
-        self.state.rack[1] = 0.0
+        self.state.rack[TIME] = 0.0
         self.data.time = 0.0
 
     def _shift_phases(self, travel_m: float, time_s: float) -> None:
@@ -203,7 +218,7 @@ class Simulation:
             for side in range(p.n_sides):
                 j = base + i * stride + 1 + 2 * side
                 q[j], q[j + 1] = x, z
-        state.dog[:] = -(2**40)
+        state.dog[:] = NO_DOG
         state.roll[:] = rolled_m
         state.acceleration[:] = 0.0
         # the rack holds the axle nearest to the drive's middle where the polygon has it
@@ -212,7 +227,7 @@ class Simulation:
         state.rack[:] = nearest % p.pitch_m, 0.0, p.speed
         w = np.zeros_like(q)
         worst = run.relax(p, state, q, w, RELAX_STEP_S, RELAX_STEPS, RELAX_RATE)
-        state.rack[2] = 0.0
+        state.rack[ROLLING] = 0.0
         if not np.isfinite(q).all() or worst > 1e-3:
             raise ExperimentError(
                 f'no static equilibrium with axle 0 at {place_m:.3f} m: '
@@ -239,22 +254,32 @@ class Simulation:
         Parameters
         ----------
         duration_s : float
+            Rounded to whole steps.
         rate_hz : float
             Must divide the step rate.
         probes : (k, 3) int64
+            Rows (kind, index, side), see ``run``.
 
         Returns
         -------
         record : (n, k) float64
+
+        Raises
+        ------
+        ExperimentError
+            Where the rate does not divide the step rate, or the simulation diverges.
         """
         n_steps = round(duration_s / self.step_s)
         stride = max(1, round(1.0 / (rate_hz * self.step_s)))
+        if abs(stride * rate_hz * self.step_s - 1.0) > 1e-6:
+            raise ExperimentError(
+                f'rate: expected one that divides {1.0 / self.step_s:.6g} Hz, found {rate_hz} Hz'
+            )
         record = np.zeros((-(-n_steps // stride), len(probes)))
         run.advance(
-            self.parameters, self.state, self.data.qpos, self.data.qvel, self.data.qfrc_applied,
-            self.mass, self.heights, self.step_s, n_steps, stride, probes, record, self._step,
-            self.model._address, self.data._address,
-        )  # fmt: skip
+            self.parameters, self.state, self.host, self.step_s, n_steps, stride, probes, record
+        )
+        mujoco.mj_forward(self.model, self.data)
         if not np.isfinite(self.data.qpos).all():
             raise ExperimentError(f'the simulation diverged before {self.time_s:.3f} s')
         return record
@@ -262,9 +287,7 @@ class Simulation:
     def trace(self, duration_s: float, rate_hz: float, sensors: tuple[Sensor, ...]) -> Trace:
         """Run and record sensors beside the way of axle 0."""
         n = self.machine.chain.n_links
-        probes = np.array(
-            [probe_of(s, n) for s in sensors] + [(run.PLACE, 0, 0)], dtype=np.int64
-        )
+        probes = np.array([probe_of(s, n) for s in sensors] + [(run.PLACE, 0, 0)], dtype=np.int64)
         record = self.advance(duration_s, rate_hz, probes)
         length = self.path.length_m
         place = np.unwrap(record[:, -1], period=length)

@@ -1,18 +1,40 @@
-"""The compiled loop: force law, MuJoCo step, record."""
+"""The compiled loop: force law, MuJoCo's integration, record."""
 
-import numba
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
-from escalator_twin.physics.kernel import accelerations, rack_speed
+from escalator_twin.physics.compiled import compiled
+from escalator_twin.physics.contact import rack_speed
+from escalator_twin.physics.kernel import accelerations
 from escalator_twin.physics.mjcall import call_step
+from escalator_twin.physics.parameters import Parameters
+from escalator_twin.physics.state import State, TIME, TRAVEL
+from escalator_twin.signals import Floats
 
-# What a recorded column is; the index columns follow in ``Probe`` rows: (kind, index, side).
+# What a recorded column is; the index columns follow in rows of probes: (kind, index, side).
 LINK_FORCE, ROLLER_NORMAL, CARRIAGE, ACCEL_X, ACCEL_Y, ACCEL_Z, PLACE, RACK = range(8)
 
 
-@numba.njit(cache=True)
-def read_probe(p, state, q, out, kind, index, side, base):
+class Host(NamedTuple):
+    """MuJoCo's model and data as compiled code sees them; arrays of (nv,) are views."""
+
+    q: Floats  # qpos
+    w: Floats  # qvel
+    acceleration: Floats  # qacc
+    applied: Floats  # qfrc_applied
+    mass: Floats  # diagonal of the mass matrix
+    weight: Floats  # what MuJoCo's gravity takes from each coordinate, N
+    step: int  # addresses: of the function that steps, of mjModel, of mjData
+    model: int
+    data: int
+
+
+@compiled
+def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, side: int) -> float:
     """Return one recorded quantity at the present step, SI."""
+    out, base = state.acceleration, len(state.reaction)
     m, n = state.s.shape
     stride = 1 + 2 * m
     row = side if m == 2 else 0
@@ -28,7 +50,7 @@ def read_probe(p, state, q, out, kind, index, side, base):
         half = 0.5 * p.length_m
         return (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
     if kind == RACK:
-        return state.rack[0]
+        return state.rack[TRAVEL]
     k = index + 1 if index + 1 < n else 0
     i, j = base + index * stride, base + k * stride
     if kind == ACCEL_Y:
@@ -45,56 +67,46 @@ def read_probe(p, state, q, out, kind, index, side, base):
     return (az * ex - ax * ez) / length
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def advance(
-    p, state, q, w, applied, mass, heights, h, n_steps, stride, probes, record, step, model, data
-):
-    """Run ``n_steps`` steps of ``h`` seconds; record every ``stride``-th from the first on.
-
-    Parameters
-    ----------
-    p, state : Parameters, State
-    q, w, applied : (nv,) float64
-        Views of MuJoCo's ``qpos``, ``qvel`` and ``qfrc_applied``.
-    mass : (nv,) float64
-        Diagonal of MuJoCo's mass matrix.
-    heights : (nv,) float64
-        1 where a coordinate is vertical: MuJoCo takes gravity from there.
-    probes : (k, 3) int64
-    record : (n, k) float64
-    step, model, data : int
-        Addresses for MuJoCo's step.
-
-    Returns
-    -------
-    rows : int
-        Rows of ``record`` that were written.
-    """
-    base = 2 if p.frame[0] > 0.0 else 1
-    v, out = np.zeros(len(q)), np.zeros(len(q))
-    rows = 0
+    p: Parameters, state: State, host: Host, h: float, n_steps: int, stride: int,
+    probes: NDArray[np.int64], record: Floats,
+) -> None:  # fmt: skip
+    """Run ``n_steps`` steps of ``h`` seconds; record every ``stride``-th from the first on."""
+    q, w, acceleration, applied = host.q, host.w, host.acceleration, host.applied
+    mass, weight, rack, roll, speed = host.mass, host.weight, state.rack, state.roll, state.speed
+    out, v = state.acceleration, np.zeros(len(host.q))
     for k in range(n_steps):
-        accelerations(p, state, q, w, v, h, out)
-        if k % stride == 0 and rows < len(record):
+        accelerations(p, state, q, w, v, h)
+        if k % stride == 0:
             for c in range(len(probes)):
-                record[rows, c] = read_probe(
-                    p, state, q, out, probes[c, 0], probes[c, 1], probes[c, 2], base
+                record[k // stride, c] = read_probe(
+                    p, state, q, probes[c, 0], probes[c, 1], probes[c, 2]
                 )
-            rows += 1
         for i in range(len(q)):
-            applied[i] = mass[i] * (out[i] + heights[i] * p.gravity)
-        call_step(step, model, data)
-        way = h * rack_speed(p, state)
-        state.rack[0] += way
-        state.rack[1] += h
-        for side in range(state.s.shape[0]):
-            for i in range(state.s.shape[1]):
-                state.roll[side, i] += h * state.speed[side, i]
-    return rows
+            acceleration[i] = out[i]
+            applied[i] = mass[i] * out[i] + weight[i]
+        call_step(host.step, host.model, host.data)
+        move_rack(p, rack, h)
+        for side in range(speed.shape[0]):
+            for i in range(speed.shape[1]):
+                roll[side, i] += h * speed[side, i]
 
 
-@numba.njit(cache=True)
-def relax(p, state, q, w, h, n_steps, rate):
+@compiled
+def move_rack(p: Parameters, rack: Floats, h: float) -> None:
+    """Move the rack on by one step, by its speed in the middle of the step."""
+    rack[TRAVEL] += 0.5 * h * p.speed
+    rack[TIME] += 0.5 * h
+    speed = rack_speed(p.speed, p.pitch_m, p.ripple, p.hunting, rack)
+    rack[TRAVEL] += h * (speed - 0.5 * p.speed)
+    rack[TIME] += 0.5 * h
+
+
+@compiled
+def relax(
+    p: Parameters, state: State, q: Floats, w: Floats, h: float, n_steps: int, rate: float
+) -> float:
     """Let the machine come to rest at a fixed rack, all rollers dragged as if they moved.
 
     Mass-proportional damping of ``rate`` (1/s) is laid over the same law; MuJoCo is not needed,
@@ -105,11 +117,11 @@ def relax(p, state, q, w, h, n_steps, rate):
     residual : float
         Largest speed at the end, m/s.
     """
-    v, out = np.zeros(len(q)), np.zeros(len(q))
+    v, out = np.zeros(len(q)), state.acceleration
     keep = 1.0 - h * rate
     worst = 0.0
     for k in range(n_steps):
-        accelerations(p, state, q, w, v, h, out)
+        accelerations(p, state, q, w, v, h)
         worst = 0.0
         for i in range(len(q)):
             w[i] = keep * w[i] + h * out[i]

@@ -37,9 +37,7 @@ def read_survey(path: Path) -> tuple[Floats, Floats, Floats]:
     return table[:, 0], table[:, 1], table[:, 2]
 
 
-def periodic_table(
-    s: Floats, values: Floats, length_m: float, error_m: float = 0.0
-) -> Floats:
+def periodic_table(s: Floats, values: Floats, length_m: float, error_m: float = 0.0) -> Floats:
     """Interpolate a survey column on an even grid round the loop.
 
     A periodic cubic spline through the surveyed points, after the error of the survey has been

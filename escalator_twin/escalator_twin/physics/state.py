@@ -1,0 +1,60 @@
+"""What the force law remembers from step to step beside MuJoCo's coordinates."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from escalator_twin.signals import Floats
+
+NO_DOG = -(2**40)  # an axle end outside the drive zone
+TRAVEL, TIME, ROLLING = range(3)  # entries of ``rack``
+
+
+class State(NamedTuple):
+    """Memory and results of the law; m sides, n axles, nv coordinates, c moving guide parts.
+
+    The moving parts of the guide are the carriage and, where the frame is not rigid, the frame.
+    """
+
+    rack: Floats  # (3,): travel of the rack m, time s, rolling speed while relaxing m/s
+    segment: NDArray[np.int64]  # (m, n) of the guide
+    dog: NDArray[np.int64]  # (m, n) of the drive
+    roll: Floats  # (m, n) rolled way, m
+    s: Floats  # (m, n) path coordinate
+    speed: Floats  # (m, n) along the path
+    normal: Floats  # (m, n) contact force, N, positive on the lower track
+    tension: Floats  # (m, n)
+    acceleration: Floats  # (nv,) of the last step
+    direction: Floats  # (m, n, 2) of the links
+    force: Floats  # (m, n, 2) on the axle ends, N
+    inverse: Floats  # (m, n, 3): xx, xz, zz of an end's effective inverse mass
+    reaction: Floats  # (c,) on the moving parts, N
+    coupling: Floats  # (m, n, c, 2) force on an end per acceleration of a moving part, kg
+    inertia: Floats  # (c, c) of the moving parts, with what contacts add, kg
+    free: Floats  # (m, n, 1 + c, 2) accelerations without links: of the forces, of each coupling
+    work: Floats  # (m, n, 5 + c) of the links' system
+
+
+def make_state(n_sides: int, n_axles: int, n_coordinates: int, n_moving: int) -> State:
+    """Return an empty state for ``n_axles`` axles and ``n_moving`` moving parts of the guide."""
+    shape = (n_sides, n_axles)
+    return State(
+        rack=np.zeros(3),
+        segment=np.zeros(shape, np.int64),
+        dog=np.full(shape, NO_DOG, np.int64),
+        roll=np.zeros(shape),
+        s=np.zeros(shape),
+        speed=np.zeros(shape),
+        normal=np.zeros(shape),
+        tension=np.zeros(shape),
+        acceleration=np.zeros(n_coordinates),
+        direction=np.zeros((*shape, 2)),
+        force=np.zeros((*shape, 2)),
+        inverse=np.zeros((*shape, 3)),
+        reaction=np.zeros(n_moving),
+        coupling=np.zeros((*shape, n_moving, 2)),
+        inertia=np.zeros((n_moving, n_moving)),
+        free=np.zeros((*shape, 1 + n_moving, 2)),
+        work=np.zeros((*shape, 5 + n_moving)),
+    )
