@@ -151,6 +151,7 @@ def test_extended_twin_is_drawn_with_its_residual(tmp_path):
     html, page = make(tmp_path, told)
     assert 'measured − extended twin' in page.text
     assert '<path class="extended"' in html
+    assert '<path class="residual-after"' in html
 
 
 def test_check_is_told_in_full(tmp_path):

@@ -12,6 +12,7 @@ WIDTH, LEFT, RIGHT = 760, 58, 8
 MAIN, REST, GAP, TOP, BOTTOM = 128, 52, 12, 8, 34
 COLUMNS = 300  # of an outline: two points each
 FINE = 4  # steps per unit of the picture, so that paths are whole numbers
+RESIDUALS = {'simulated': 'residual', 'extended': 'residual-after'}
 DECADES = 4.0  # below the largest amplitude, of a logarithmic panel
 
 
@@ -26,10 +27,15 @@ def still(panel: Panel, axis: Axis) -> Markup:
         parts.append(_line(name, x, values, bounds, limits, TOP, MAIN))
     bottom = TOP + MAIN
     if panel.has_residual:
-        rest = panel.y['measured'] - panel.y['simulated']
-        limits = _limits(panel, [rest])
+        rests = {
+            shown: panel.y['measured'] - panel.y[name]
+            for name, shown in RESIDUALS.items()
+            if name in panel.y
+        }
+        limits = _limits(panel, list(rests.values()))
         parts.append(_frame(bounds, limits, bottom + GAP, REST, False, 3))
-        parts.append(_line('residual', x, rest, bounds, limits, bottom + GAP, REST))
+        for name, rest in rests.items():
+            parts.append(_line(name, x, rest, bounds, limits, bottom + GAP, REST))
         bottom += GAP + REST
     parts.append(_abscissa(bounds, bottom, axis))
     height = bottom + BOTTOM
