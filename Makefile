@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := setup
-.PHONY: setup demo test bench bench-deps lint lock clean
+.PHONY: setup demo test bench bench-deps campaign hidden lint lock clean
 
 PYTEST_ARGS ?=
 
@@ -26,6 +26,22 @@ test: setup
 bench: setup
 	@. tools/env.sh
 	exec .venv/bin/python -m benchmarks
+
+# Many recordings against the twin: make campaign BAGS="DIR..." [MACHINE=YAML]
+BAGS ?= bags/sample_clean bags/sample_guide_step
+MACHINE ?= config/machines/prototype.yaml
+campaign: setup
+	@mkdir -p out
+	.venv/bin/escalator-twin compare $(BAGS) --machine $(MACHINE) --json out/campaign.json
+	.venv/bin/escalator-twin report out/campaign.json --out out/campaign.html
+
+# Recordings in which something is hidden, by the independent generator; the truth lies apart.
+N ?= 10
+SEED ?= 1
+OUT ?= $(CURDIR)/out/hidden
+hidden: setup
+	@cd tests
+	exec ../.venv/bin/python -m rig hidden --n $(N) --seed $(SEED) --out $(OUT)
 
 # Another multibody program, for comparisons only.
 bench-deps: setup
