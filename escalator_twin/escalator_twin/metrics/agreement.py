@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, signal
 
-from escalator_twin.metrics.filters import centred, ROUNDING, thinning
+from escalator_twin.metrics.filters import centred, inner, ROUNDING, thinning
 from escalator_twin.signals import Floats
 
 SPECTRUM_SAMPLES = 20.0  # kept per period of the highest frequency asked for
@@ -17,7 +17,7 @@ def deviation(values: Floats) -> float:
     if len(values) < 2:
         return 0.0
     less = centred(values)
-    return float(np.sqrt(np.dot(less, less) / len(less)))
+    return float(np.sqrt(inner(less, less) / len(less)))
 
 
 def correlation(measured: Floats, simulated: Floats) -> float | None:
@@ -28,10 +28,10 @@ def correlation(measured: Floats, simulated: Floats) -> float | None:
     if len(measured) < 2:
         return None
     m, s = centred(measured), centred(simulated)
-    scale = np.sqrt(np.dot(m, m)) * np.sqrt(np.dot(s, s))
+    scale = np.sqrt(inner(m, m)) * np.sqrt(inner(s, s))
     if not scale > 0.0:
         return None
-    return float(np.clip(np.dot(m, s) / scale, -1.0, 1.0))
+    return float(np.clip(inner(m, s) / scale, -1.0, 1.0))
 
 
 def nrmse(measured: Floats, simulated: Floats) -> float | None:
@@ -42,11 +42,11 @@ def nrmse(measured: Floats, simulated: Floats) -> float | None:
     if len(measured) < 2:
         return None
     m = centred(measured)
-    scale = np.dot(m, m)
+    scale = inner(m, m)
     if not scale > 0.0:
         return None
     difference = m - centred(simulated)
-    return float(np.sqrt(np.dot(difference, difference) / scale))
+    return float(np.sqrt(inner(difference, difference) / scale))
 
 
 def amplitude_spectrum(values: Floats, rate_hz: float, up_to_hz: float) -> Floats:

@@ -65,6 +65,14 @@ def _pad(sections: Floats) -> int:
     return 3 * n_taps
 
 
+def inner(one: Floats, other: Floats) -> float:
+    """Return the sum of products of two rows (n,).
+
+    Not by BLAS: its threads wait busily for each other on rows as short as these.
+    """
+    return float(np.einsum('i,i->', one, other))
+
+
 def bridge(values: Floats, valid: Mask) -> Floats:
     """Return ``values`` (n,) with straight lines where ``valid`` (n,) is false.
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import signal
 
-from escalator_twin.metrics.filters import Mask, thinning
+from escalator_twin.metrics.filters import inner, Mask, thinning
 from escalator_twin.signals import Floats
 
 MAX_LAG_S = 2.0  # the margin at each end of a recording
@@ -64,9 +64,9 @@ def _moving_correlation(m: Floats, shifted: Floats, weight: Floats) -> Floats | 
     total = weight.sum()
     if total < 2.0:
         return None
-    m = weight * (m - np.dot(weight, m) / total)
+    m = weight * (m - inner(weight, m) / total)
     s = shifted - shifted.mean()
-    power = np.dot(m, m)
+    power = inner(m, m)
     if not power > 0.0:
         return None
     cross = signal.correlate(s, m, mode='valid', method='fft')

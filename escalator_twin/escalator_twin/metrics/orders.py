@@ -85,7 +85,7 @@ def _fast_order(bands: Bands, order: float, rows: list[Floats], phasor: Complexe
     turned = [row * phasor for row in rows]
     half = int(0.5 * SEGMENT_PITCHES * track.pitch_m / track.speed_m_s * rate)
     blocks = [_segments(row, max(half, 1)) for row in turned]
-    return _score(order, [np.dot(row, track.hann) for row in turned], blocks)
+    return _score(order, [np.einsum('i,i->', row, track.hann) for row in turned], blocks)
 
 
 def _segments(turned: Complexes, half: int) -> Complexes:
@@ -94,7 +94,8 @@ def _segments(turned: Complexes, half: int) -> Complexes:
     window = signal.windows.hann(2 * half, sym=False)
     table = turned[: n_halves * half].reshape(n_halves, half)
     # rising half of one segment, falling half of the one before
-    return table[:-1] @ window[:half] + table[1:] @ window[half:]
+    rising = np.einsum('ij,j->i', table[:-1], window[:half])
+    return np.asarray(rising + np.einsum('ij,j->i', table[1:], window[half:]))
 
 
 def _score(order: float, lines: list[complex], blocks: list[Complexes]) -> OrderScore:

@@ -6,7 +6,7 @@ import numpy as np
 
 from escalator_twin.metrics.agreement import correlation, deviation, nrmse
 from escalator_twin.metrics.bands import Bands
-from escalator_twin.metrics.filters import centred
+from escalator_twin.metrics.filters import centred, inner
 from escalator_twin.signals import Floats
 
 N_POSITIONS = 12  # parts of a loop in which the share is looked at by itself
@@ -47,8 +47,8 @@ def share_of_variation(left: Floats, right: Floats) -> float | None:
     if len(left) < 2:
         return None
     one, total = centred(left), centred(left + right)
-    power = float(np.dot(total, total))
-    return float(np.dot(one, total) / power) if power > 0.0 else None
+    power = inner(total, total)
+    return float(inner(one, total) / power) if power > 0.0 else None
 
 
 def side_scores(left: Bands, right: Bands) -> SideScore:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from escalator_twin.metrics.filters import centred
+from escalator_twin.metrics.filters import centred, inner
 from escalator_twin.signals import Floats
 
 
@@ -15,7 +15,7 @@ def sprague_geers(measured: Floats, simulated: Floats) -> dict[str, float | None
     Keys ``magnitude``, ``phase``, ``comprehensive``; ``None`` where one signal is constant.
     """
     m, s = centred(measured), centred(simulated)
-    mm, ss, ms = float(np.dot(m, m)), float(np.dot(s, s)), float(np.dot(m, s))
+    mm, ss, ms = inner(m, m), inner(s, s), inner(m, s)
     if not min(mm, ss) > 0.0:
         return dict.fromkeys(('magnitude', 'phase', 'comprehensive'))
     magnitude = float(np.sqrt(ss / mm)) - 1.0
