@@ -248,6 +248,18 @@ def test_zero_stamps_give_way_to_the_bag_time(tmp_path):
     assert kinds(recording) == {('clock_disagreement', LEFT_A)}
 
 
+def test_stamps_far_from_all_others_are_dropped(tmp_path):
+    rows = strain_messages(400)
+    for i, far_s in ((17, 3 * 10**8), (200, -(10**6)), (399, 2 * 10**8)):
+        made = STORE.deserialize_cdr(rows[i].data, rows[i].type)
+        stamp(made, START_NS + far_s * 10**9)
+        rows[i] = raw(rows[i].topic, rows[i].type, rows[i].bag_ns, made)
+    recording = bagfile.read(write_mcap(tmp_path / 'a.mcap', rows), MACHINE)
+    assert len(recording.signals[LEFT_A].values) == 397
+    assert np.ptp(recording.signals[LEFT_A].stamp_ns) < 3e9
+    assert ('clock_disagreement', LEFT_A) in kinds(recording)
+
+
 @pytest.mark.parametrize('step_s', [-3600, -2, 5, 86400])
 def test_a_step_of_the_loggers_clock_is_undone(tmp_path, step_s):
     rows = strain_messages(400)

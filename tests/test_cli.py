@@ -6,7 +6,17 @@ import math
 from pathlib import Path
 import sys
 
-from makers import PROTOTYPE, prototype, ROOT, strain_messages, synthetic, write_mcap
+from makers import (
+    mcap_bytes,
+    PROTOTYPE,
+    prototype,
+    Raw,
+    ROOT,
+    strain_messages,
+    synthetic,
+    write_mcap,
+)
+from mcap.writer import CompressionType
 import numpy as np
 import pytest
 
@@ -20,6 +30,7 @@ from escalator_twin.cli.options import machine_path
 from escalator_twin.cli.output import dumps, plain, Rule, write_text
 from escalator_twin.cli.progress import ProgressLine
 from escalator_twin.errors import EscalatorError, ExperimentError
+from escalator_twin.suggest import suggest
 
 pytestmark = pytest.mark.issue(2)
 
@@ -270,6 +281,23 @@ def test_check_as_text_names_the_findings(capsys, tmp_path):
     assert 'clock: unknown: no messages of the logger ground' in out
     assert 'missing_topic tensioner/displacement' in out
     assert '(missing)' in out
+
+
+def test_check_and_its_draft_bear_any_damage(bag, tmp_path):
+    """Numbers of any size in any place, which no checksum guards."""
+    rows = [Raw(m.topic, m.type, m.bag_ns, m.data) for m in bagfile.messages(bag)][:4000]
+    options = {'compression': CompressionType.NONE, 'enable_crcs': False, 'chunk_size': 20000}
+    original = mcap_bytes(rows, **options)
+    path = tmp_path / 'a.mcap'
+    rng = np.random.default_rng(7)
+    for _ in range(25):
+        data = bytearray(original)
+        for at in rng.integers(100, len(data) - 100, 60):
+            data[at : at + 8] = rng.bytes(8)
+        path.write_bytes(data)
+        document = json.loads(dumps(check_verb.check(path, MACHINE)))
+        assert document['schema'] == 'escalator_twin/check/1'
+        assert 'instruments:' in suggest(path)
 
 
 # what compare and diagnose need

@@ -21,12 +21,14 @@ LAYERS = (
     ('sync',),
     ('causes',),
     ('instruments', 'twin'),
+    ('batch',),
     ('check', 'suggest'),
     ('comparison',),
     ('diagnosis',),
     ('report',),
     ('pipeline',),
-    ('cli', 'ros'),
+    ('cli',),
+    ('ros',),  # takes the case and the machine's place from the command line
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 ROS = {'rclpy', 'ament_index_python', 'launch', 'launch_ros'}

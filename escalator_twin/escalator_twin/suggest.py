@@ -22,6 +22,7 @@ from escalator_twin.signals import Floats
 GRAVITY = 9.80665
 MIN_MESSAGES = 10
 MAX_MESSAGES = 2000  # of each topic that are looked at
+LARGEST = 1e100  # beyond it, no number of a sensor
 SAME_CLOCK_S = 0.05  # loggers whose clocks differ by less are taken for one
 EXPERIMENT = 'escalator_msgs/msg/Experiment'
 
@@ -230,9 +231,9 @@ def _matches(topic: _Topic) -> list[tuple[Rule, list[_Field]]]:
 
 def _scale(rule: Rule, values: Iterable[Floats]) -> tuple[float, str]:
     """Return the scale to SI and the unit it takes the numbers for."""
-    every = [v[np.isfinite(v)] for v in values]
+    every = [v[np.abs(v) < LARGEST] for v in values]
     if rule.by_range:
-        size = max(float(np.ptp(v)) for v in every if len(v))
+        size = max((float(np.ptp(v)) for v in every if len(v)), default=0.0)
     else:
         size = float(np.sqrt(sum(float((v**2).mean()) for v in every if len(v))))
     for limit, scale, unit in rule.scales:
@@ -348,9 +349,10 @@ def _comments(topic: _Topic, rest: list[_Field]) -> list[str]:
     for item in rest:
         if SKIPPED.search(item.text):
             continue
-        low, high = float(np.nanmin(item.values)), float(np.nanmax(item.values))
+        known = item.values[np.isfinite(item.values)]
+        span = f'{known.min():.4g} to {known.max():.4g}' if len(known) else 'no numbers'
         lines.append(
             f'    # {topic.info.topic} ({topic.info.type}) {item.text}: '
-            f'{low:.4g} to {high:.4g} at {topic.rate_hz:g} Hz'
+            f'{span} at {topic.rate_hz:g} Hz'
         )
     return lines

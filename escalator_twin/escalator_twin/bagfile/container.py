@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 # Largest chunk, schema or message that is believed, bytes: beyond any recorder's, below memory.
 MAX_CHUNK = 1 << 30
@@ -13,6 +13,15 @@ MAX_SCHEMA = 1 << 20
 
 Bytes = NDArray[np.uint8]
 Indices = NDArray[np.int64]
+
+
+# Latest time that is believed, ns: the year 2096, whose differences still fit.
+MAX_TIME = 4 * 10**18
+
+
+def bag_times(raw: ArrayLike) -> Indices:
+    """Return log times as whole nanoseconds whose differences do not overflow."""
+    return np.clip(np.asarray(raw, dtype=np.int64), 0, MAX_TIME)
 
 
 class Channel(NamedTuple):

@@ -15,6 +15,7 @@ import numpy as np
 
 from escalator_twin.bagfile.compression import CutError, decompress, DECOMPRESSORS
 from escalator_twin.bagfile.container import (
+    bag_times,
     Block,
     Channel,
     Count,
@@ -184,7 +185,7 @@ class McapFile:
         return Block(
             data,
             channel[keep],
-            frames['log_time'].astype(np.int64)[keep],
+            bag_times(frames['log_time'].view('<i8'))[keep],
             (positions + width)[keep],
             size[keep],
         )
@@ -245,13 +246,13 @@ class McapFile:
             elif opcode == MESSAGE and length >= 22:
                 head = self._file.body(start, 14)
                 if (index := self._ids.get(int.from_bytes(head[:2], 'little'))) is not None:
-                    time = int(np.frombuffer(head[6:], '<i8')[0])
+                    time = int(bag_times(np.frombuffer(head[6:], '<i8'))[0])
                     add(index, Count(1, time, time))
             elif opcode == CHUNK:
                 indexed = self._file.indexed(start + length)
                 if indexed and all(number in self._ids for number in indexed):
                     for number, (at, size) in indexed.items():
-                        times = np.frombuffer(self._file.body(at, size), '<i8')[::2]
+                        times = bag_times(np.frombuffer(self._file.body(at, size), '<i8')[::2])
                         count = Count(len(times), int(times.min()), int(times.max()))
                         add(self._ids[number], count)
                     continue

@@ -14,6 +14,8 @@ from escalator_twin.errors import RecordingError
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, make_signal, Recording, Signal
 
+# No physical quantity in SI comes near this; its square still is a number.
+LARGEST = 1e100
 # A part of a channel that is not finite in more than this share of the samples counts as dead.
 MAX_NOT_FINITE = 0.1
 
@@ -183,7 +185,9 @@ def _finish(
         if topic.n_bad:
             note('data_gap', sensor, span, f'{topic.n_bad} messages do not fit their type', False)
         index = [topic.paths.index(parse_path(text)) for text in sensor.fields]
-        parts = sensor.sign * sensor.scale * result.fields[:, index] + sensor.offset
+        fields = result.fields[:, index]
+        fields = np.where(np.abs(fields) < LARGEST, fields, np.nan)
+        parts = sensor.sign * sensor.scale * fields + sensor.offset
         is_kept = np.ones(len(parts), dtype=bool)
         if not np.isfinite(parts).all():
             parts, is_kept, mended = _finite(parts)

@@ -9,7 +9,15 @@ import tempfile
 
 import numpy as np
 
-from escalator_twin.bagfile.container import Block, Channel, Count, count_blocks, Damage, MAX_CHUNK
+from escalator_twin.bagfile.container import (
+    bag_times,
+    Block,
+    Channel,
+    Count,
+    count_blocks,
+    Damage,
+    MAX_CHUNK,
+)
 from escalator_twin.bagfile.definitions import normalise_type
 from escalator_twin.errors import BagError
 
@@ -145,7 +153,7 @@ class SqliteFile:
         return Block(
             b''.join(parts),
             np.array([self._ids[row[0]] for row in rows], dtype=np.int64),
-            np.array([row[1] for row in rows], dtype=np.int64),
+            bag_times([row[1] for row in rows]),
             np.cumsum(size) - size,
             size,
         )
@@ -160,7 +168,9 @@ class SqliteFile:
             )
             for number, n, first, last in rows:
                 if number in self._ids:
-                    found[self._ids[number]] = Count(int(n), int(first), int(last))
+                    found[self._ids[number]] = Count(
+                        int(n), *(int(t) for t in bag_times([first, last]))
+                    )
         except FAILURES:
             return count_blocks(self.blocks(None))
         return found

@@ -11,8 +11,13 @@ from escalator_twin.signals import Floats
 # A stamp that departs by more than this from its neighbours is a step of the logger's clock, s:
 # far above a recorder's latency, far below any reset of a clock.
 CLOCK_STEP_S = 0.25
+# Stamps further out than this many times the span of nine tenths of them, and than this many
+# seconds, are not the logger's.
+FAR_SPANS = 2.0
+FAR_S = 60.0
 # Samples on either side of a step whose clock readings are compared.
 STEP_SPAN = 50
+STEP_LEAST = 5
 # Share of messages with another's stamp and other values above which the stamps tell no time.
 MAX_REPEATED = 0.1
 
@@ -55,6 +60,11 @@ def tidy(stamp_ns: Indices | None, bag_ns: Indices, fields: Floats) -> Tidy:
     else:
         stamp_ns, steps = _without_steps(stamp_ns, bag_ns)
         remarks += [('clock_disagreement', step, True) for step in steps]
+    is_near = _near(stamp_ns)
+    if not is_near.all():
+        text = f'{int((~is_near).sum())} messages with stamps far from all others dropped'
+        remarks.append(('clock_disagreement', text, True))
+        stamp_ns, bag_ns, fields = stamp_ns[is_near], bag_ns[is_near], fields[is_near]
     disordered = int((np.diff(stamp_ns) < 0).sum())
     if disordered:
         remarks.append(
@@ -94,6 +104,13 @@ def _useless(stamp_ns: Indices, fields: Floats) -> str:
     return ''
 
 
+def _near(stamp_ns: Indices) -> NDArray[np.bool_]:
+    """Tell which stamps lie within reach of the middle nine tenths; the rest are damaged."""
+    low, high = np.quantile(stamp_ns, [0.05, 0.95])
+    reach = FAR_SPANS * (high - low) + FAR_S * 1e9
+    return np.asarray((stamp_ns > low - reach) & (stamp_ns < high + reach))
+
+
 def _without_steps(stamp_ns: Indices, bag_ns: Indices) -> tuple[Indices, list[str]]:
     """Undo steps of the logger's clock, seen where its stamps jump and the bag time does not."""
     n = len(stamp_ns)
@@ -105,6 +122,8 @@ def _without_steps(stamp_ns: Indices, bag_ns: Indices) -> tuple[Indices, list[st
     steps = []
     behind = stamp_ns - bag_ns
     for i in np.flatnonzero(jumps) + 1:
+        if min(i, n - i) < STEP_LEAST:
+            continue
         before = np.median(behind[max(0, i - STEP_SPAN) : i])
         after = np.median(behind[i : i + STEP_SPAN])
         size = float(after - before)

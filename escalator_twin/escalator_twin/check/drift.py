@@ -75,6 +75,8 @@ def _standing_out(
 def _creep(signal: Signal, expected_s: float) -> float | None:
     """Return how much a signal changes over the recording, place by place; ``None``: unknown."""
     time = (signal.stamp_ns - signal.stamp_ns[0]) / 1e9
+    if float(time[-1]) * GRID_HZ > len(time):
+        return None  # mostly gaps
     edges = np.arange(0.0, float(time[-1]), 1.0 / GRID_HZ)
     if len(edges) < (1.0 + MIN_OVERLAP) * expected_s * GRID_HZ:
         return None

@@ -242,9 +242,9 @@ def hum(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
 def _tone(part: Part, time_s: Floats) -> tuple[float, float, float] | None:
     """Return frequency, amplitude and mains frequency of the strongest mains tone, if any."""
     n = len(part.values)
-    if n < 256 or part.noise <= 0.0:
-        return None
     rate = 1.0 / float(np.median(np.diff(time_s)))
+    if n < 256 or part.noise <= 0.0 or (time_s[-1] - time_s[0]) * rate > 2.0 * n:
+        return None  # too few samples, or mostly gaps
     grid = time_s[0] + np.arange(int((time_s[-1] - time_s[0]) * rate)) / rate
     values = np.interp(grid, time_s, part.values)
     window = np.hanning(len(values))
