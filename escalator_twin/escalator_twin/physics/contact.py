@@ -176,14 +176,17 @@ def end_forces(p: Parameters, state: State, q: Floats, v: Floats, w: Floats, h: 
             half = half_clearance
             if eccentricity[side, i, 0] != 0.0 or flat[side, i, 0] != 0.0:
                 half -= tread(roll[side, i] / radius, eccentricity[side, i], flat[side, i])
-            normal, push, added = 0.0, 0.0, 0.0
+            normal, push, added, tracks = 0.0, 0.0, 0.0, 1.0
             if abs(gap) > half:
                 spring = -k_n * (gap - half if gap > 0.0 else gap + half)
-                normal = spring - c_n * rate
-                if normal * gap < 0.0:
-                    push = normal - c_n * (back_z * tx - back_x * tz)
-                    push += spring_mass * curvature_of(segments[k], offset) * v_t * v_t
-                    added = contact_mass
+                if abs(gap) < -half:  # a tread too large for the channel meets both tracks
+                    spring, tracks = -2.0 * k_n * gap, 2.0
+                normal = spring - tracks * c_n * rate
+                if normal * gap < 0.0 or tracks == 2.0:
+                    push = normal - tracks * c_n * (back_z * tx - back_x * tz)
+                    bend = curvature_of(segments[k], offset)
+                    push += tracks * spring_mass * bend * v_t * v_t
+                    added = tracks * contact_mass
                 else:
                     normal = 0.0
             normals[side, i] = normal
