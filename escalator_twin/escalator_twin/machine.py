@@ -185,6 +185,11 @@ class Instruments:
         """Return the logger whose clock is the reference: the one with the least offset."""
         return min(self.loggers, key=lambda name: self.loggers[name].offset_s)
 
+    @property
+    def travelling_logger(self) -> str:
+        """Return the first logger beside the reference; empty where there is one clock."""
+        return next((n for n in self.loggers if n != self.reference_logger), '')
+
     def channels_of(self, logger: str) -> frozenset[str]:
         """Return the channels that a logger stamps."""
         return frozenset(s.channel for s in self.sensors if s.logger == logger)

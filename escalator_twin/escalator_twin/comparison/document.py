@@ -1,15 +1,19 @@
 """A comparison as the JSON of contracts.md tells it."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from escalator_twin.check.clock import ClockComparison
+from escalator_twin.comparison.clocks import clock_disagreement
 from escalator_twin.comparison.judge import Judgement
 from escalator_twin.comparison.locate import Setting
+from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats, Recording
+from escalator_twin.sync.place import CLEAR
 from escalator_twin.sync.travel import Ground
 
 SCHEMA = 'escalator_twin/compare/1'
@@ -19,7 +23,7 @@ DIGITS = 6  # significant, of the overlays
 
 
 def recording_document(
-    recording: Recording, setting: Setting, judgement: Judgement, travelling: str
+    recording: Recording, setting: Setting, judgement: Judgement, machine: Machine
 ) -> dict[str, Any]:
     """Return one recording's part of the JSON.
 
@@ -28,17 +32,25 @@ def recording_document(
     recording : Recording
     setting : Setting
     judgement : Judgement
-    travelling : str
-        The logger whose clock is told against the reference; empty where there is one clock.
+    machine : Machine
     """
     assert recording.experiment is not None
     travel = judgement.travel
-    clock = setting.comparisons.get(travelling)
+    clock = setting.comparisons.get(machine.instruments.travelling_logger)
+    period = machine.chain.pitch_m / travel.speed_m_s
+    known = clock is not None and clock.is_known
+    findings = [*setting.findings, *clock_disagreement(judgement.by_signals, known, period)]
     return {
         'path': recording.path,
         'case_id': recording.experiment.case_id,
         'direction': recording.experiment.direction,
         'set_speed_m_s': recording.experiment.set_speed_m_s,
+        'experiment': {
+            'machine': recording.experiment.machine,
+            'load_per_step_kg': list(recording.experiment.load_per_step_kg),
+            'preload_n': recording.experiment.preload_n,
+            'notes': recording.experiment.notes,
+        },
         'speed_m_s': {
             'value': travel.speed_m_s,
             'low': travel.low_m_s,
@@ -47,8 +59,10 @@ def recording_document(
         'start_s_m': judgement.start_s_m,
         'clock': clock_document(clock, judgement.by_signals),
         'place_lead': setting.lead if np.isfinite(setting.lead) else None,
+        'place_is_certain': bool(setting.lead >= CLEAR),
         'sensor_pose': {k: list(v) for k, v in judgement.pose.items()},
         'channels': {c: dict(s) for c, s in judgement.scores.items()},
+        'sides': {link: asdict(side) for link, side in judgement.sides.items()},
         'quality': [
             {
                 'kind': f.kind,
@@ -58,7 +72,7 @@ def recording_document(
                 'detail': f.detail,
                 'repaired': f.repaired,
             }
-            for f in setting.findings
+            for f in findings
         ],
         'overlay': overlay(judgement),
     }
@@ -106,6 +120,7 @@ def overlay(judgement: Judgement) -> dict[str, Any]:
         channels[name] = {
             'time_s': rounded(aligned.time_s[::step]),
             'travel_m': rounded(aligned.travel_m[::step]),
+            'place_m': rounded(aligned.place_m[::step]),
             'measured': [
                 value if good else None
                 for value, good in zip(rounded(measured - measured.mean()), kept, strict=True)

@@ -8,8 +8,17 @@ from scipy.interpolate import CubicSpline
 
 from escalator_twin.comparison.locate import FREE, RATE_HZ, WANDER, Setting, fit_all
 from escalator_twin.machine import Machine, Sensor
-from escalator_twin.metrics import Track, machine_orders, remove_sensor_pose, score_channel
-from escalator_twin.metrics.registry import Score
+from escalator_twin.metrics import (
+    Bands,
+    machine_orders,
+    remove_sensor_pose,
+    score,
+    side_scores,
+    SideScore,
+    split_bands,
+    Track,
+)
+from escalator_twin.metrics.registry import QUICK, Score
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats
@@ -31,6 +40,8 @@ class Aligned:
         Reference time.
     travel_m : (n,) float64
         Since the twin's run began.
+    place_m : (n,) float64
+        Path coordinate of axle 0.
     valid : (n,) bool
     rate_hz : float
     """
@@ -39,6 +50,7 @@ class Aligned:
     simulated: Floats
     time_s: Floats
     travel_m: Floats
+    place_m: Floats
     valid: np.ndarray
     rate_hz: float
 
@@ -57,6 +69,8 @@ class Judgement:
         How the signals alone would move the reference's clock, modulo a pitch period.
     channels : mapping of channel to Aligned
     scores : mapping of channel to scores
+    sides : mapping
+        Left against right, by link, where both are measured.
     pose : mapping
         Bias (m/s2) and rotation (deg) of the acceleration sensor, where there is one.
     """
@@ -66,6 +80,7 @@ class Judgement:
     by_signals: Ground | None
     channels: Mapping[str, Aligned]
     scores: Mapping[str, Mapping[str, Score]]
+    sides: Mapping[str, SideScore]
     pose: Mapping[str, tuple[float, ...]]
 
 
@@ -83,6 +98,7 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
     sensors = machine.instruments.sensors
     columns = {s.channel: trace.columns[:, i] for i, s in enumerate(sensors)}
     way = trace.time_s * setting.experiment.set_speed_m_s
+    length = build_path(machine.guide).length_m
     corrected = _without_pose(setting, columns, way, sensors)
     base = setting.travel.base_m_s
     fit = fit_all(
@@ -91,13 +107,18 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
     by_signals = _signals_alone(corrected, columns, way, machine, fit)
     tracks = _moved(setting.tracks, fit.ground, machine)
     aligned, pose = _align(tracks, columns, way, sensors, fit.travel)
-    scores = {c: _score(a, machine) for c, a in aligned.items()}
+    aligned = {
+        c: replace(a, place_m=np.interp(a.travel_m, way, trace.place_m) % length)
+        for c, a in aligned.items()
+    }
+    bands = {c: _bands(a, machine) for c, a in aligned.items()}
+    scores = {c: score(b, QUICK) for c, b in bands.items()}
     ground = machine.instruments.channels_of(machine.instruments.reference_logger)
     riding = [t for c, t in tracks.items() if c not in ground] or list(tracks.values())
     first = min(float(t.time_s[0]) for t in riding)
-    length = build_path(machine.guide).length_m
     start = np.interp(fit.travel.at(np.array([first])), way, trace.place_m)[0] % length
-    return Judgement(fit.travel, float(start), by_signals, aligned, scores, pose)
+    sides = _sides(bands, sensors)
+    return Judgement(fit.travel, float(start), by_signals, aligned, scores, sides, pose)
 
 
 def _moved(
@@ -181,7 +202,7 @@ def _align(
     for channel, track in tracks.items():
         place, simulated = _simulated(track, columns[channel], way, travel)
         aligned[channel] = Aligned(
-            track.values, simulated, track.time_s, place, track.valid, track.rate_hz
+            track.values, simulated, track.time_s, place, place, track.valid, track.rate_hz
         )
     pose: dict[str, tuple[float, ...]] = {}
     for triad in _triads(sensors):
@@ -196,7 +217,7 @@ def _align(
                 n = len(corrected)
                 aligned[triad[axis]] = Aligned(
                     corrected[:, i], one.simulated[:n], one.time_s[:n], one.travel_m[:n],
-                    one.valid[:n], one.rate_hz,
+                    one.place_m[:n], one.valid[:n], one.rate_hz,
                 )  # fmt: skip
     return aligned, pose
 
@@ -211,8 +232,8 @@ def _without_pose(
     }
 
 
-def _score(aligned: Aligned, machine: Machine) -> dict[str, Score]:
-    """Return the contract's metrics of one aligned channel."""
+def _bands(aligned: Aligned, machine: Machine) -> Bands:
+    """Return one aligned channel split into the bands that are scored."""
     chain = machine.chain
     travel = np.maximum.accumulate(aligned.travel_m)
     track = Track(
@@ -222,4 +243,23 @@ def _score(aligned: Aligned, machine: Machine) -> dict[str, Score]:
         chain.pitch_m,
         machine_orders(chain.n_links, chain.pitch_m, machine.roller.diameter_m),
     )
-    return score_channel(aligned.measured, aligned.simulated, track, aligned.valid)
+    return split_bands(aligned.measured, aligned.simulated, track, aligned.valid)
+
+
+def _sides(bands: Mapping[str, Bands], sensors: tuple[Sensor, ...]) -> dict[str, SideScore]:
+    """Compare left with right for every link that is measured on both sides."""
+    links: dict[object, dict[object, Bands]] = {}
+    for sensor in sensors:
+        if sensor.quantity == 'link_force' and sensor.channel in bands:
+            side = {sensor.at.get('side'): bands[sensor.channel]}
+            links.setdefault(sensor.at.get('link'), {}).update(side)
+    return {
+        f'link {link}': side_scores(pair['left'], pair['right'])
+        for link, pair in links.items()
+        if {'left', 'right'} <= set(pair) and same_length(pair['left'], pair['right'])
+    }
+
+
+def same_length(left: Bands, right: Bands) -> bool:
+    """Tell whether two channels can be taken sample by sample."""
+    return len(left.valid) == len(right.valid)
