@@ -22,7 +22,7 @@ LAYERS = (
     ('causes',),
     ('instruments', 'twin'),
     ('batch',),
-    ('batch', 'check', 'suggest'),
+    ('check', 'suggest'),
     ('comparison', 'verification'),
     ('diagnosis',),
     ('report',),

@@ -51,6 +51,7 @@ def run_batch(
     Parameters
     ----------
     runs : iterable of Run
+        Each on its own.
     jobs : int, optional
         How many at a time; by default one per core that this process may use.
     progress : callable, optional
