@@ -1,6 +1,5 @@
 """Scores of a channel on a track: truth from signals whose every part is known."""
 
-from importlib.util import find_spec
 import json
 
 from hypothesis import given, settings
@@ -8,43 +7,19 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from scipy import signal
+from tracks import LOOP, make_track, N_LINKS, PITCH, RATE, slow, SPEED, wave
 
-from escalator_twin.errors import EscalatorError, NotYetError, SynchronisationError
+from escalator_twin.errors import EscalatorError, SynchronisationError
 from escalator_twin.metrics import (
     CONTRACT,
-    machine_orders,
     METRICS,
-    order_scores,
     QUICK,
     score_channel,
     split_bands,
     Track,
 )
 
-PITCH = 0.405
-N_LINKS = 12
-LOOP = N_LINKS * PITCH
-RATE = 100.0
-SPEED = 0.45
-
 pytestmark = pytest.mark.issue(2)
-
-
-def make_track(n_loops=2.3, speed=SPEED, wander=0.0, rate=RATE):
-    """Return a track that holds ``n_loops`` inside its margins, and its time."""
-    n = int((n_loops * LOOP / speed + 4.0) * rate) + 2
-    time = np.arange(n) / rate
-    travel = speed * (time + wander * 5.0 * np.sin(time / 5.0))
-    return Track(travel, rate, LOOP, PITCH, machine_orders(N_LINKS, PITCH, 0.075)), time
-
-
-def wave(track, amplitude, order, phase=0.0):
-    return amplitude * np.cos(2 * np.pi * order * track.travel_m / PITCH + phase)
-
-
-def slow(track):
-    """A large loop-locked signal, as a link force has."""
-    return 5000.0 + wave(track, 1000.0, 1 / N_LINKS) + wave(track, 100.0, 2 / N_LINKS, 1.0)
 
 
 def is_json_safe(value):
@@ -214,38 +189,6 @@ def test_ceiling_is_signal_over_signal_and_noise():
         assert METRICS[name](bands) == pytest.approx(expected, abs=0.03)
 
 
-@given(ratio=st.floats(0.2, 5.0), phase=st.floats(-170.0, 170.0), order=st.sampled_from(range(6)))
-@settings(max_examples=40, deadline=None)
-def test_orders_give_ratio_and_phase(ratio, phase, order):
-    track, _ = make_track(5.2, wander=0.002)
-    k = track.orders[order]
-    m = slow(track) * 0.0 + wave(track, 3.0, k, 0.4)
-    s = wave(track, 3.0 * ratio, k, 0.4 + np.radians(phase))
-    found = order_scores(split_bands(m, s, track))[order]
-    assert found.amplitude_ratio == pytest.approx(ratio, rel=1e-3)
-    assert found.phase_deg == pytest.approx(phase, abs=0.1)
-    assert found.coherence == pytest.approx(1.0, abs=1e-4)
-    assert found.measured == pytest.approx(3.0, rel=0.02)
-
-
-def test_orders_are_not_disturbed_by_a_large_trend_or_neighbours():
-    track, _ = make_track(5.2)
-    pairs = [(1.0, 10.0), (2.0, 5.0), (3.0, 2.0), (4.0, 2.0), (track.orders[-1], 3.0)]
-    m = slow(track) + sum(wave(track, a, k) for k, a in pairs)
-    s = slow(track) + sum(wave(track, 0.5 * a, k, 0.2) for k, a in pairs)
-    for found in order_scores(split_bands(m, s, track))[1:]:
-        assert found.amplitude_ratio == pytest.approx(0.5, rel=0.03)
-        assert found.phase_deg == pytest.approx(np.degrees(0.2), abs=2.0)
-
-
-def test_coherence_of_unrelated_signals_is_low():
-    track, time = make_track(20.0)
-    rng = np.random.default_rng(4)
-    m, s = rng.normal(size=(2, len(time)))
-    for found in order_scores(split_bands(m, s, track))[1:]:
-        assert found.coherence < 0.3
-
-
 def test_gap_does_not_poison():
     track, time = make_track(wander=0.002)
     m = slow(track) + wave(track, 20.0, 1.0)
@@ -311,29 +254,3 @@ def test_lengths_must_agree():
     track, _ = make_track()
     with pytest.raises(EscalatorError, match='simulated: expected'):
         score_channel(slow(track), slow(track)[:-1], track)
-
-
-@pytest.mark.issue(5)
-def test_iso_18571_needs_its_library():
-    if find_spec('objective_rating_metrics') is not None:
-        pytest.skip('objective_rating_metrics is installed')
-    track, _ = make_track()
-    with pytest.raises(NotYetError, match='objective_rating_metrics, which is not installed'):
-        METRICS['iso_18571'](split_bands(slow(track), slow(track), track))
-
-
-@pytest.mark.issue(5)
-def test_iso_18571_rates_each_loop():
-    pytest.importorskip('objective_rating_metrics', reason='an optional library')
-    track, _ = make_track(2.3)
-    s = slow(track)
-    equal = METRICS['iso_18571'](split_bands(s, s + 100.0, track))
-    assert equal == {part: pytest.approx(1.0) for part in equal}
-    # 20 % too large: phase keeps its mark, magnitude and corridor do not
-    louder = METRICS['iso_18571'](split_bands(s, 1.2 * s, track))
-    assert louder['phase'] == pytest.approx(1.0)
-    # dynamic time warping forgives some of it
-    assert 0.5 < louder['magnitude'] < 0.95
-    assert louder['corridor'] < 0.95
-    short, _ = make_track(0.8)
-    assert METRICS['iso_18571'](split_bands(slow(short), slow(short), short))['overall'] is None

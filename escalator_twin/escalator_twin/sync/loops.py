@@ -21,8 +21,7 @@ def follow_loops(
     valid: Mask,
     n_cycles: float,
     wander: float,
-    base_hz: float,
-    reach: float,
+    around: tuple[float, float],
 ) -> Course | None:
     """Return the course of the cycles from stretches that come again one loop later.
 
@@ -41,16 +40,15 @@ def follow_loops(
         Pitches of a loop.
     wander : float
         Relative wander of the frequency.
-    base_hz : float
-        Frequency of the pitch to within ``reach``.
-    reach : float
-        Relative error that ``base_hz`` may have.
+    around : tuple of float
+        Frequency of the pitch, Hz, and the relative error that it may have.
 
     Returns
     -------
     Course or None
         ``None`` where too little comes again.
     """
+    base_hz, reach = around
     span = float(time_s[-1])
     rate = min((len(time_s) - 1) / span, SAMPLES * BAND[1] * base_hz)
     rows = _even(time_s, columns, valid, base_hz, rate)

@@ -110,7 +110,7 @@ def estimate_speed(
     if loop_m is not None and (course is None or not course.clear):
         # a pitch frequency leaves half a cycle open, over a loop
         around = (set_hz, reach) if course is None else (first, 0.5 * pitch_m / loop_m)
-        loops = follow_loops(time - start, columns, valid, loop_m / pitch_m, wander, *around)
+        loops = follow_loops(time - start, columns, valid, loop_m / pitch_m, wander, around)
         course = loops or course
     if course is None:
         raise SynchronisationError(
