@@ -1,6 +1,6 @@
 """Read the machine's channels from a bag."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 import os
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from escalator_twin.bagfile.gathering import collect, read_experiment, select, Topic
 from escalator_twin.bagfile.source import Bag, TopicInfo, topics_of
-from escalator_twin.bagfile.tidy import tidy
+from escalator_twin.bagfile.tidy import Tidy, tidy
 from escalator_twin.conversions import parse_path
 from escalator_twin.errors import RecordingError
 from escalator_twin.machine import Machine, Sensor
@@ -67,7 +67,12 @@ def read(
         signals: dict[str, Signal] = {}
         optional = {sensor.channel for sensor in machine.instruments.simulated_only}
         for topic in topics.values():
-            _finish(topic, start_ns, signals, findings, optional)
+            if not topic.rows:
+                findings += _missing(topic, optional)
+                continue
+            made, remarks = _signals(topic, start_ns)
+            signals |= {signal.channel: signal for signal in made}
+            findings += remarks
         findings += _losses(bag, signals, start_ns)
     order = [s.channel for s in _sensors(machine, chosen) if s.channel in signals]
     return Recording(
@@ -152,57 +157,62 @@ def _experiment_topic(machine: Machine, namespace: str) -> str:
     return topic_name(machine, namespace, experiment.topic) if experiment else ''
 
 
-def _finish(
-    topic: Topic,
-    start_ns: int,
-    signals: dict[str, Signal],
-    findings: list[Finding],
-    optional: set[str],
-) -> None:
-    """Turn what a topic has gathered into signals and findings."""
+def _missing(topic: Topic, optional: set[str]) -> list[Finding]:
+    """Say why a topic gave nothing."""
+    reason = topic.problems[0] if topic.problems else 'no message'
+    if topic.n_bad:
+        reason = f'none of its {topic.n_bad} messages fits its type'
+    return [
+        Finding('missing_topic', sensor.channel, 0.0, 0.0, f'{topic.name}: {reason}')
+        for sensor in topic.sensors
+        if sensor.channel not in optional
+    ]
 
-    def note(kind: str, sensor: Sensor, span: Sequence[int], text: str, repaired: bool) -> None:
-        first, last = ((t - start_ns) / 1e9 for t in span)
-        findings.append(Finding(kind, sensor.channel, first, last, text, repaired))
 
-    if not topic.rows:
-        reason = topic.problems[0] if topic.problems else 'no message'
-        if topic.n_bad:
-            reason = f'none of its {topic.n_bad} messages fits its type'
-        for sensor in topic.sensors:
-            if sensor.channel not in optional:
-                text = f'{topic.name}: {reason}'
-                findings.append(Finding('missing_topic', sensor.channel, 0.0, 0.0, text))
-        return
+def _signals(topic: Topic, start_ns: int) -> tuple[list[Signal], list[Finding]]:
+    """Turn what a topic has gathered into signals and findings; empties the topic."""
     bag_ns = np.concatenate(topic.bag)
+    from_s, to_s = ((int(t) - start_ns) / 1e9 for t in (bag_ns.min(), bag_ns.max()))
     stamps = np.concatenate(topic.stamps) if topic.has_header else None
     result = tidy(stamps, bag_ns, np.concatenate(topic.rows))
     topic.stamps, topic.bag, topic.rows = [], [], []
-    span = (int(bag_ns.min()), int(bag_ns.max()))
+    if topic.n_bad:
+        text = f'{topic.n_bad} messages do not fit their type'
+        result.remarks.append(('data_gap', text, False))
+    signals, findings = [], []
     for sensor in topic.sensors:
-        for kind, text, repaired in result.remarks:
-            note(kind, sensor, span, text, repaired)
-        if topic.n_bad:
-            note('data_gap', sensor, span, f'{topic.n_bad} messages do not fit their type', False)
         index = [topic.paths.index(parse_path(text)) for text in sensor.fields]
-        fields = result.fields[:, index]
-        fields = np.where(np.abs(fields) < LARGEST, fields, np.nan)
-        parts = sensor.sign * sensor.scale * fields + sensor.offset
-        is_kept = np.ones(len(parts), dtype=bool)
-        if not np.isfinite(parts).all():
-            parts, is_kept, mended = _finite(parts)
-            for kind, text in mended:
-                note(kind, sensor, span, text, True)
-        if not is_kept.any():
-            note('missing_topic', sensor, span, f'{topic.name}: no sample is a number', False)
-            continue
-        signals[sensor.channel] = make_signal(
-            sensor.channel,
-            sensor.unit,
-            result.stamp_ns[is_kept],
-            result.bag_ns[is_kept],
-            parts[is_kept],
-        )
+        signal, remarks = _signal(sensor, result, result.fields[:, index])
+        findings += [
+            Finding(kind, sensor.channel, from_s, to_s, text, repaired)
+            for kind, text, repaired in result.remarks + remarks
+        ]
+        if signal is not None:
+            signals.append(signal)
+    return signals, findings
+
+
+def _signal(
+    sensor: Sensor, result: Tidy, fields: Floats
+) -> tuple[Signal | None, list[tuple[str, str, bool]]]:
+    """Scale a sensor's fields to SI, leaving out what is no number."""
+    fields = np.where(np.abs(fields) < LARGEST, fields, np.nan)
+    parts = sensor.sign * sensor.scale * fields + sensor.offset
+    is_kept = np.ones(len(parts), dtype=bool)
+    remarks: list[tuple[str, str, bool]] = []
+    if not np.isfinite(parts).all():
+        parts, is_kept, mended = _finite(parts)
+        remarks = [(kind, text, True) for kind, text in mended]
+    if not is_kept.any():
+        return None, [('missing_topic', 'no sample is a number', False)]
+    signal = make_signal(
+        sensor.channel,
+        sensor.unit,
+        result.stamp_ns[is_kept],
+        result.bag_ns[is_kept],
+        parts[is_kept],
+    )
+    return signal, remarks
 
 
 def _finite(parts: Floats) -> tuple[Floats, NDArray[np.bool_], list[tuple[str, str]]]:

@@ -69,54 +69,58 @@ def _topics(
     infos: list[TopicInfo], recording: Recording, machine: Machine
 ) -> list[dict[str, Any]]:
     """Return all topics of the recording, then those that are expected and missing."""
-    instruments = machine.instruments
-    namespace = namespace_of(machine, infos)
-    expected: dict[str, list[str]] = {}
-    types: dict[str, str] = {}
-    for sensor in instruments.sensors:
-        name = topic_name(machine, namespace, sensor.topic)
-        expected.setdefault(name, []).append(sensor.channel)
-        types[name] = sensor.type
-    if instruments.experiment:
-        name = topic_name(machine, namespace, instruments.experiment.topic)
-        expected.setdefault(name, [])
-        types[name] = instruments.experiment.type
+    expected, types = _expected(machine, namespace_of(machine, infos))
     start = min((info.first_ns for info in infos if info.n_messages), default=0)
-    rows = []
-    for info in infos:
-        channels = [c for c in expected.get(info.topic, []) if c in recording.signals]
-        span = (info.last_ns - info.first_ns) / 1e9
-        by_bag = (info.n_messages - 1) / span if span > 0.0 else None
-        rate = recording.signals[channels[0]].rate_hz if channels else by_bag
-        rows.append(
-            {
-                'topic': info.topic,
-                'type': info.type,
-                'found': True,
-                'expected': info.topic in expected,
-                'channels': channels,
-                'n_messages': info.n_messages,
-                'rate_hz': rate,
-                'first_s': (info.first_ns - start) / 1e9 if info.n_messages else None,
-                'last_s': (info.last_ns - start) / 1e9 if info.n_messages else None,
-                'serialization': info.serialization,
-            }
-        )
+    rows = [_found(info, expected, recording, start) for info in infos]
     there = {info.topic for info in infos if info.n_messages}
-    for name in expected:
-        if name not in there:
-            rows.append(
-                {
-                    'topic': name,
-                    'type': types[name],
-                    'found': False,
-                    'expected': True,
-                    'channels': expected[name],
-                    'n_messages': 0,
-                    'rate_hz': None,
-                    'first_s': None,
-                    'last_s': None,
-                    'serialization': None,
-                }
-            )
+    missing = {
+        'found': False,
+        'expected': True,
+        'n_messages': 0,
+        'rate_hz': None,
+        'first_s': None,
+        'last_s': None,
+        'serialization': None,
+    }
+    rows += [
+        {'topic': name, 'type': types[name], 'channels': channels, **missing}
+        for name, channels in expected.items()
+        if name not in there
+    ]
     return rows
+
+
+def _expected(machine: Machine, namespace: str) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Return topic -> channels and topic -> type, as the machine says."""
+    channels: dict[str, list[str]] = {}
+    types: dict[str, str] = {}
+    for sensor in machine.instruments.sensors:
+        name = topic_name(machine, namespace, sensor.topic)
+        channels.setdefault(name, []).append(sensor.channel)
+        types[name] = sensor.type
+    if experiment := machine.instruments.experiment:
+        name = topic_name(machine, namespace, experiment.topic)
+        channels.setdefault(name, [])
+        types[name] = experiment.type
+    return channels, types
+
+
+def _found(
+    info: TopicInfo, expected: dict[str, list[str]], recording: Recording, start_ns: int
+) -> dict[str, Any]:
+    """Return what is known of a topic that the recording has."""
+    channels = [c for c in expected.get(info.topic, []) if c in recording.signals]
+    span = (info.last_ns - info.first_ns) / 1e9
+    by_bag = (info.n_messages - 1) / span if span > 0.0 else None
+    return {
+        'topic': info.topic,
+        'type': info.type,
+        'found': True,
+        'expected': info.topic in expected,
+        'channels': channels,
+        'n_messages': info.n_messages,
+        'rate_hz': recording.signals[channels[0]].rate_hz if channels else by_bag,
+        'first_s': (info.first_ns - start_ns) / 1e9 if info.n_messages else None,
+        'last_s': (info.last_ns - start_ns) / 1e9 if info.n_messages else None,
+        'serialization': info.serialization,
+    }
