@@ -2,8 +2,9 @@
 
 Law
 ---
-Force on the carriage, outward positive: F = factor preload - k u - c u'. Each side's chain
-tension shifts by half of (factor - 1) preload, less what the spring takes back.
+Force on the carriage, outward positive: F = factor preload - k u - c u'. Two strands on each of
+two sides hold it: the tension of each shifts by a quarter of (factor - 1) preload less what the
+spring takes back, (factor - 1) preload / 4 - k (change of u) / 4.
 
 Limits
 ------
