@@ -1,0 +1,168 @@
+"""What replaying and listening have in common: the simulated run, judging, results."""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+import threading
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
+
+from escalator_msgs.msg import Comparison
+from escalator_twin.bagfile import Message
+from escalator_twin.comparison.document import recording_document, SCHEMA
+from escalator_twin.comparison.judge import judge
+from escalator_twin.comparison.locate import LEAD_S, Setting
+from escalator_twin.errors import EscalatorError
+from escalator_twin.machine import Machine
+from escalator_twin.physics.path import build_path
+from escalator_twin.physics.rollout import Trace
+from escalator_twin.ros.files import write_json
+from escalator_twin.ros.link import SimulatorLink, Stopped
+from escalator_twin.ros.outputs import NS, Output
+from escalator_twin.ros.results import comparison_message, quality_message
+from escalator_twin.ros.session import Session
+from escalator_twin.ros.settings import ComparatorSettings
+from escalator_twin.ros.windows import cut_setting, span_of, window_s
+from escalator_twin.signals import Nanoseconds, Recording
+
+COMPARISON_TYPE = 'escalator_msgs/msg/Comparison'
+
+
+@dataclass(frozen=True)
+class Topics:
+    """Where results go."""
+
+    comparison: Publisher
+    summary: Publisher
+    quality: Publisher
+
+
+class Comparing:
+    """The means of a comparison.
+
+    Parameters
+    ----------
+    node : Node
+    settings : ComparatorSettings
+    machine : Machine
+    topics : Topics
+    """
+
+    def __init__(
+        self, node: Node, settings: ComparatorSettings, machine: Machine, topics: Topics
+    ) -> None:
+        self.node, self.settings, self.machine = node, settings, machine
+        self.state = 'starting'
+        self.n_compared = 0
+        self.closing = threading.Event()
+        self.link = SimulatorLink(node, machine, self.pause)
+        self.session = Session(settings.session) if settings.session else None
+        self.link.hand_on = self._note_simulated if self.session else None
+        self._topics = topics
+        self._judge = ThreadPoolExecutor(1, thread_name_prefix='judge')
+        self._pending: list[tuple[Future[Any], Setting]] = []
+        self._length_m = build_path(machine.guide).length_m
+
+    def pause(self, seconds: float) -> None:
+        """Wait; raise `Stopped` where the node is to end."""
+        if self.closing.wait(seconds):
+            raise Stopped
+
+    def say(self, text: str) -> None:
+        """Log what happens now; the diagnostics repeat it."""
+        self.state = text
+        self.node.get_logger().info(text)
+
+    # samples
+
+    def note_measured(self, messages: list[Message]) -> None:
+        """Put measured messages into the session."""
+        if self.session is not None:
+            for message in messages:
+                self.session.add(message)
+
+    def _note_simulated(self, output: Output, stamps: Nanoseconds, messages: list[bytes]) -> None:
+        assert self.session is not None
+        for stamp, data in zip(stamps.tolist(), messages, strict=True):
+            self.session.add(Message(f'/{output.name}', stamp, data, output.type))
+
+    def trace(self) -> Trace:
+        """Return the simulated run as far as it has come."""
+        return self.link.run.trace(self._length_m)
+
+    # results
+
+    def tell_quality(self, setting: Setting) -> None:
+        """Publish what is wrong with a recording."""
+        for finding in setting.findings:
+            self._topics.quality.publish(quality_message({
+                'kind': finding.kind, 'channel': finding.channel, 'from_s': finding.from_s,
+                'to_s': finding.to_s, 'detail': finding.detail, 'repaired': finding.repaired,
+            }))  # fmt: skip
+
+    def window_s(self, setting: Setting) -> float:
+        """Return the length of a window."""
+        return window_s(self.settings.window_s, self.machine, setting.experiment.set_speed_m_s)
+
+    def compare_later(
+        self, recording: Recording, setting: Setting, from_s: float, to_s: float
+    ) -> None:
+        """Have a window judged beside everything else."""
+        part = cut_setting(setting, from_s, to_s)
+        future = self._judge.submit(self._compare, recording, part, self.trace())
+        self._pending.append((future, part))
+
+    def publish_ready(self, is_last: bool = False) -> None:
+        """Publish the windows that have been judged; wait for all of them at last."""
+        while self._pending and (is_last or self._pending[0][0].done()):
+            future, part = self._pending.pop(0)
+            try:
+                document = future.result()
+            except EscalatorError as error:
+                self.node.get_logger().warning(f'a window could not be compared: {error}')
+                continue
+            self._publish(document, part, is_final=False)
+
+    def conclude(self, recording: Recording, setting: Setting) -> None:
+        """Judge the whole recording; publish and write the result."""
+        self.publish_ready(is_last=True)
+        self.say('comparing the whole recording')
+        document = self._compare(recording, setting, self.trace())
+        if self.settings.json:
+            whole = {'schema': SCHEMA, 'machine': self.settings.machine, 'recordings': [document]}
+            write_json(self.settings.json, whole)
+        self._publish(document, setting, is_final=True)
+        run = self.link.run
+        self.say(
+            f'compared {document["path"]}: {run.n_received} simulated messages, '
+            f'{run.n_lost} lost, {run.n_disordered} out of order'
+        )
+
+    def _compare(self, recording: Recording, setting: Setting, trace: Trace) -> dict[str, Any]:
+        judgement = judge(setting, trace, self.machine)
+        return recording_document(recording, setting, judgement, self.machine)
+
+    def _publish(self, document: dict[str, Any], setting: Setting, is_final: bool) -> None:
+        span = span_of(setting)
+        end_ns = setting.origin_ns + round(span[1] * NS)
+        message = comparison_message(document, span, end_ns, is_final)
+        self._topics.comparison.publish(message)
+        if is_final:
+            self._topics.summary.publish(message)
+        if self.session is not None:
+            name = self._topics.comparison.topic_name
+            self.session.add(Message(name, end_ns, serialize_message(message), COMPARISON_TYPE))
+        self.n_compared += 1
+
+    def close(self) -> None:
+        """End the judging, finish the session."""
+        self._judge.shutdown(wait=True, cancel_futures=True)
+        if self.session is not None:
+            self.session.close()
+
+
+Script = Callable[[Comparing], None]
+__all__ = ['LEAD_S', 'Comparing', 'Comparison', 'Script', 'Topics']

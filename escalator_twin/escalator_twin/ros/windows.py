@@ -1,0 +1,70 @@
+"""Parts of a comparison: the recording up to a time, the last window of it, its schedule."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from escalator_twin.comparison.locate import Setting
+from escalator_twin.machine import Machine
+from escalator_twin.signals import make_signal, Recording, Signal
+from escalator_twin.sync.timeline import Timed
+
+EDGE_S = 2.0  # of a window, on either side, that scores leave out (contracts: whole loops)
+
+
+def window_s(asked_s: float, machine: Machine, speed_m_s: float) -> float:
+    """Return the length of a window: what is asked for, or one whole loop and its edges."""
+    loop_m = machine.chain.n_links * machine.chain.pitch_m
+    return asked_s or loop_m / speed_m_s + 2.0 * EDGE_S
+
+
+def ends(first_s: float, length_s: float) -> Iterator[float]:
+    """Yield the times at which windows are complete, one after the other."""
+    end = first_s + length_s
+    while True:
+        yield end
+        end += length_s
+
+
+def cut_setting(setting: Setting, from_s: float, to_s: float) -> Setting:
+    """Return a setting whose channels hold the samples between two reference times."""
+    tracks = {}
+    for channel, track in setting.tracks.items():
+        kept = (track.time_s >= from_s) & (track.time_s <= to_s)
+        tracks[channel] = Timed(
+            channel,
+            track.time_s[kept],
+            track.values[kept],
+            track.valid[kept],
+            track.rate_hz,
+        )
+    return replace(setting, tracks=tracks)
+
+
+def span_of(setting: Setting) -> tuple[float, float]:
+    """Return the reference times of the first and the last sample."""
+    return (
+        min(float(track.time_s[0]) for track in setting.tracks.values()),
+        max(float(track.time_s[-1]) for track in setting.tracks.values()),
+    )
+
+
+def without_start(recording: Recording, from_bag_ns: int) -> Recording:
+    """Return a recording without what came before a bag time."""
+    return replace(
+        recording,
+        signals={
+            channel: _without_start(signal, from_bag_ns)
+            for channel, signal in recording.signals.items()
+        },
+    )
+
+
+def _without_start(signal: Signal, from_bag_ns: int) -> Signal:
+    kept = signal.bag_ns >= from_bag_ns
+    return make_signal(
+        signal.channel,
+        signal.unit,
+        signal.stamp_ns[kept],
+        signal.bag_ns[kept],
+        signal.parts[kept],
+    )
