@@ -211,6 +211,7 @@ def _speed(tracks: Mapping[str, Timed], machine: Machine, recording: Recording) 
                 recording.experiment.set_speed_m_s,
                 machine.drive.speed_error,
                 machine.drive.speed_wander or WANDER,
+                machine.chain.n_links * machine.chain.pitch_m,
             )
         except SynchronisationError as error:
             reasons.append(f'{sensor.channel}: {error}')
