@@ -10,6 +10,7 @@ from escalator_twin.errors import MachineError
 from escalator_twin.schema import build
 from escalator_twin.signals import Experiment
 
+SAFE = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # the compiled one is six times faster
 SCHEMA = 'escalator_twin/machine/1'
 DIRECTIONS = {'up': 1, 'down': -1}
 
@@ -308,7 +309,7 @@ def load_machine(path: str | Path) -> Machine:
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, object]:
     """Read one YAML file and what it extends, the nearer file winning."""
     try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+        data = yaml.load(path.read_text(encoding='utf-8'), Loader=SAFE)
     except (OSError, UnicodeDecodeError) as error:
         raise MachineError(f'{path}: cannot be read: {error}') from error
     except yaml.YAMLError as error:
