@@ -44,7 +44,7 @@ def test_exact_points_are_met():
 def test_a_broken_survey_is_named(tmp_path):
     path = tmp_path / 'survey.csv'
     path.write_text('s,normal\n0.0,1\n')
-    with pytest.raises(MachineError, match=r'survey.csv: expected numeric columns'):
+    with pytest.raises(MachineError, match=r'survey\.csv: expected numeric columns'):
         read_survey(path)
-    with pytest.raises(MachineError, match='guide.survey_file'):
+    with pytest.raises(MachineError, match=r'guide\.survey_file'):
         read_survey(tmp_path / 'none.csv')

@@ -10,9 +10,9 @@ from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.signals import make_signal
 from escalator_twin.sync.ground import scan_shift
 from escalator_twin.sync.place import find_place, scores_of
-from escalator_twin.sync.template import make_template
+from escalator_twin.sync.template import make_template, Templates
 from escalator_twin.sync.timeline import Clock, time_one, Timed
-from escalator_twin.sync.travel import fit_travel, Ground, Travel
+from escalator_twin.sync.travel import fit_travel, Ground, Guess, Travel
 
 pytestmark = pytest.mark.issue(5)
 
@@ -49,7 +49,7 @@ def recording(start=9.1, duration=80.0, noise=0.05, seed=0, channels=(0, 1, 2)):
 def template_columns(channels=(0, 1, 2), end=60.0):
     """Return the same signals over travel at constant speed, as the twin gives them."""
     travel = np.arange(-2.0, end, 0.01)
-    return travel, {f'c{k}': shape(k, travel) for k in channels}
+    return Templates(travel, SPEED / 0.01, {f'c{k}': shape(k, travel) for k in channels})
 
 
 @pytest.mark.parametrize('start', [0.0, 3.3, 12.15, 24.2])
@@ -87,8 +87,8 @@ def test_place_without_a_common_channel_is_refused():
 
 def test_travel_speed_and_wander_are_recovered():
     tracks, travel = recording()
-    grid, columns = template_columns()
-    fit = fit_travel(tracks, columns, grid, SPEED / 0.01, 1.003 * SPEED, 9.12, 0.002)
+    templates = template_columns()
+    fit = fit_travel(tracks, templates, Guess(1.003 * SPEED, 9.12))
     time = tracks['c0'].time_s
     error = fit.travel.at(time) - travel
     assert np.abs(error[400:-400]).max() < 3e-3
@@ -104,8 +104,8 @@ def test_travel_ignores_gaps_and_outliers():
     values[4000:5000], valid[4000:5000] = 40.0, False
     values[7000:7040] += 25.0
     tracks['c1'] = replace(one, values=np.where(valid, values, 0.0), valid=valid)
-    grid, columns = template_columns()
-    fit = fit_travel(tracks, columns, grid, SPEED / 0.01, SPEED, 9.12, 0.002)
+    templates = template_columns()
+    fit = fit_travel(tracks, templates, Guess(SPEED, 9.12))
     error = fit.travel.at(one.time_s) - travel
     assert np.abs(error[400:-400]).max() < 5e-3
 
@@ -115,11 +115,9 @@ def test_the_grounds_clock_is_recovered(shift):
     tracks, _ = recording()
     ground = tracks['c2']
     tracks['c2'] = replace(ground, time_s=ground.time_s - shift - 40e-6 * ground.time_s)
-    grid, columns = template_columns()
-    fit = fit_travel(
-        tracks, columns, grid, SPEED / 0.01, SPEED, 9.1, 0.002, frozenset({'c2'}),
-        Ground(shift_sd_s=0.1, rate_sd=1e-3),
-    )  # fmt: skip
+    templates = template_columns()
+    prior = Ground(shift_sd_s=0.1, rate_sd=1e-3)
+    fit = fit_travel(tracks, templates, Guess(SPEED, 9.1), frozenset({'c2'}), prior)
     assert fit.ground.shift_s == pytest.approx(shift, abs=4.0 * fit.ground.shift_sd_s)
     assert fit.ground.rate == pytest.approx(40e-6, abs=4.0 * fit.ground.rate_sd)
     assert fit.ground.shift_sd_s < 0.015
@@ -136,7 +134,7 @@ def test_a_scan_finds_the_smallest_shift_of_a_signal_that_repeats():
     knots = np.r_[[0.0] * 4, [60.0] * 4]
     line = Travel(SPEED, SPEED, SPEED, SPEED, BSpline(knots, np.zeros(4), 3))
     columns = {'u': np.cos(2.0 * np.pi * travel / PITCH)}
-    found = scan_shift(tracks, columns, travel, SPEED / 0.01, line, 2.0)
+    found = scan_shift(tracks, Templates(travel, SPEED / 0.01, columns), line, 2.0)
     assert found == pytest.approx(late, abs=0.02)
 
 
@@ -168,6 +166,6 @@ def test_a_template_repeats_with_the_loop():
     travel = np.arange(0.0, LOOP + 0.3, 0.0025)
     place = 7.0 + travel * 24.4057 / LOOP
     template = make_template(('c',), shape(0, travel)[:, None], place, travel, LOOP)
-    grid, columns = template.tiled(-5.0, 60.0)
-    assert columns['c'] == pytest.approx(shape(0, grid), abs=2e-4)
+    tiled = template.tiled(-5.0, 60.0, SPEED)
+    assert tiled.columns['c'] == pytest.approx(shape(0, tiled.travel_m), abs=2e-4)
     assert template.place_at(LOOP + 1.0, 1, 24.4057) == pytest.approx(7.0 + 24.4057 / LOOP)

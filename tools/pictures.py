@@ -1,7 +1,7 @@
 """Draw the README's overlay from a result of ``compare``: no library, one SVG.
 
-    escalator-twin compare bags/sample_clean --json out/sample.json
-    .venv/bin/python tools/pictures.py out/sample.json docs/pictures/overlay.svg
+escalator-twin compare bags/sample_clean --json out/sample.json
+.venv/bin/python tools/pictures.py out/sample.json docs/pictures/overlay.svg
 """
 
 import json
@@ -70,9 +70,7 @@ def main(source, target):
     x_range = (start, start + 24.3)
     body, top = [], 44
     for name, unit, scale in shown:
-        body += panel(
-            name, unit, recording['channels'][name], series[name], x_range, top, scale
-        )
+        body += panel(name, unit, recording['channels'][name], series[name], x_range, top, scale)
         top += PANEL + GAP
     legend = [
         f'<text x="{LEFT}" y="{top}" fill="{COLOURS["measured"]}">measured (synthetic)</text>',

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from escalator_twin import bagfile
-from escalator_twin.comparison.document import SCHEMA, recording_document
-from escalator_twin.comparison.judge import Judgement, judge
-from escalator_twin.comparison.locate import RATE_HZ, Setting, locate
+from escalator_twin.comparison.document import recording_document, SCHEMA
+from escalator_twin.comparison.judge import judge, Judgement
+from escalator_twin.comparison.locate import locate, RATE_HZ, Setting
 from escalator_twin.errors import EscalatorError, NotYetError
 from escalator_twin.instruments import ideal, record
-from escalator_twin.machine import Machine, load_machine
+from escalator_twin.machine import load_machine, Machine
 from escalator_twin.signals import Experiment, Recording
-from escalator_twin.twin import Progress, make_simulation, run_twin
+from escalator_twin.twin import make_simulation, Progress, run_twin
 
 MODELS = {'two_sided': False, 'planar': True}
 

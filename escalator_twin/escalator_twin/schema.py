@@ -1,9 +1,9 @@
 """Turn a mapping read from YAML into frozen dataclasses; every error gives the key's path."""
 
+from collections.abc import Mapping
 import dataclasses
 import types
 import typing
-from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from escalator_twin.errors import MachineError
@@ -44,9 +44,7 @@ def build(cls: type[T], data: object, where: str, tolerances: dict[str, float]) 
         path = f'{where}.{name}'
         if name in data:
             values[name] = _convert(hints[name], data[name], path, tolerances)
-        elif (
-            spec.default is dataclasses.MISSING and spec.default_factory is dataclasses.MISSING
-        ):
+        elif spec.default is dataclasses.MISSING and spec.default_factory is dataclasses.MISSING:
             raise MachineError(f'{path}: missing')
     return cls(**values)
 
@@ -75,8 +73,7 @@ def _convert(kind: Any, value: object, path: str, tolerances: dict[str, float]) 
         if not isinstance(value, Mapping):
             raise MachineError(f'{path}: expected a mapping, found {value!r}')
         return {
-            str(k): _convert(arguments[1], v, f'{path}.{k}', tolerances)
-            for k, v in value.items()
+            str(k): _convert(arguments[1], v, f'{path}.{k}', tolerances) for k, v in value.items()
         }
     if kind is int and (not isinstance(value, int) or isinstance(value, bool)):
         raise MachineError(f'{path}: expected a whole number, found {value!r}')

@@ -1,14 +1,15 @@
 """Inverted axes and exchanged channels, as the twin shows them once the place is known."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from escalator_twin.machine import Machine
+from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats
+from escalator_twin.sync.template import Templates
 from escalator_twin.sync.timeline import Timed
 
 # An axis counts as inverted where its squared correlation is at least this, with the wrong sign:
@@ -23,8 +24,7 @@ FLOOR = 1e-4  # of variance: agreement better than this is not weighed
 def mend_by_model(
     tracks: Mapping[str, Timed],
     low: Mapping[str, Floats],
-    templates: Mapping[str, Floats],
-    template_travel_m: Floats,
+    templates: Templates,
     speed_m_s: float,
     start_m: float,
     machine: Machine,
@@ -36,9 +36,7 @@ def mend_by_model(
     tracks : mapping of channel to Timed
     low : mapping of channel to (n,) float64
         Their values, low-passed.
-    templates : mapping of channel to (m,) float64
-        The twin's channels on ``template_travel_m``.
-    template_travel_m : (m,) float64
+    templates : Templates
     speed_m_s, start_m : float
         Mean speed, and travel of the template at reference time 0.
     machine : Machine
@@ -58,7 +56,7 @@ def mend_by_model(
         keep = slice(edge[measured], -edge[measured], 10)
         good = tracks[measured].valid[keep]
         travel = start_m + speed_m_s * tracks[measured].time_s[keep][good]
-        model = CubicSpline(template_travel_m, templates[simulated])(travel)
+        model = CubicSpline(templates.travel_m, templates.columns[simulated])(travel)
         values = low[measured][keep][good]
         if len(values) < 3 or np.std(values) == 0.0 or np.std(model) == 0.0:
             return 0.0
@@ -67,7 +65,7 @@ def mend_by_model(
 
     sensors = [s for s in machine.instruments.sensors if s.channel in tracks]
     for sensor in sensors:
-        if sensor.quantity != 'step_acceleration' or sensor.channel not in templates:
+        if sensor.quantity != 'step_acceleration' or sensor.channel not in templates.columns:
             continue
         if agreement(sensor.channel, sensor.channel) < -INVERTED_R2:
             track = mended[sensor.channel]
@@ -83,7 +81,9 @@ def mend_by_model(
     return mended, findings
 
 
-def _exchanged(sensors: list, agreement) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
+def _exchanged(
+    sensors: list[Sensor], agreement: Callable[[str, str], float]
+) -> list[tuple[str, str]]:
     """Return pairs of channels of one kind that agree far better when exchanged."""
     pairs = []
     for one, other in combinations([s for s in sensors if s.quantity == 'link_force'], 2):

@@ -8,7 +8,6 @@ from escalator_twin.signals import Finding, Recording
 from escalator_twin.sync.timeline import Clock
 from escalator_twin.sync.travel import Ground
 
-
 # Machines within tolerance move the tensioner's phase against the forces' by up to 6 ms and their
 # course by up to 15 ppm (generator, eight clean recordings): three times that is a finding.
 OFFSET_LIMIT_S = 0.018
@@ -56,9 +55,7 @@ def logger_clocks(
     """
     instruments = machine.instruments
     reference = instruments.reference_logger
-    present = {
-        s.logger for s in instruments.sensors if s.channel in recording.signals
-    }
+    present = {s.logger for s in instruments.sensors if s.channel in recording.signals}
     clocks, comparisons = {name: Clock() for name in instruments.loggers}, {}
     for name in sorted(present - {reference}):
         found = compare_loggers(recording, machine, name, reference)

@@ -78,9 +78,7 @@ def recording_document(
     }
 
 
-def clock_document(
-    clock: ClockComparison | None, by_signals: Ground | None
-) -> dict[str, Any]:
+def clock_document(clock: ClockComparison | None, by_signals: Ground | None) -> dict[str, Any]:
     """Return the clock by bag time where that tells it, else by the signals alone.
 
     The signals tell the offset modulo one pitch period.

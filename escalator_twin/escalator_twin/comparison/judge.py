@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from escalator_twin.comparison.locate import FREE, RATE_HZ, WANDER, Setting, fit_all
+from escalator_twin.comparison.locate import fit_all, FREE, Setting, WANDER
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.metrics import (
     Bands,
@@ -22,8 +22,9 @@ from escalator_twin.metrics.registry import QUICK, Score
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats
+from escalator_twin.sync.template import Templates
 from escalator_twin.sync.timeline import Timed
-from escalator_twin.sync.travel import Fit, Ground, Travel, fit_travel
+from escalator_twin.sync.travel import Fit, fit_travel, Ground, Guess, Travel
 
 AXES = ('x', 'y', 'z')
 
@@ -100,11 +101,14 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
     way = trace.time_s * setting.experiment.set_speed_m_s
     length = build_path(machine.guide).length_m
     corrected = _without_pose(setting, columns, way, sensors)
-    base = setting.travel.base_m_s
-    fit = fit_all(
-        corrected, columns, way, RATE_HZ, base, 0.0, machine, setting.comparisons, setting.travel
+    templates = Templates.of_run(setting.experiment.set_speed_m_s, trace.time_s, columns)
+    guess = Guess(
+        setting.travel.base_m_s,
+        wander=machine.drive.speed_wander or WANDER,
+        travel=setting.travel,
     )
-    by_signals = _signals_alone(corrected, columns, way, machine, fit)
+    fit = fit_all(corrected, templates, guess, machine, setting.comparisons)
+    by_signals = _signals_alone(corrected, templates, guess, machine, fit)
     tracks = _moved(setting.tracks, fit.ground, machine)
     aligned, pose = _align(tracks, columns, way, sensors, fit.travel)
     aligned = {
@@ -121,9 +125,7 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
     return Judgement(fit.travel, float(start), by_signals, aligned, scores, sides, pose)
 
 
-def _moved(
-    tracks: Mapping[str, Timed], ground: Ground, machine: Machine
-) -> dict[str, Timed]:
+def _moved(tracks: Mapping[str, Timed], ground: Ground, machine: Machine) -> dict[str, Timed]:
     """Return the tracks with the reference logger's time moved as the signals ask."""
     if ground.shift_s == 0.0 and ground.rate == 0.0:
         return dict(tracks)
@@ -138,8 +140,8 @@ def _moved(
 
 def _signals_alone(
     tracks: Mapping[str, Timed],
-    columns: Mapping[str, Floats],
-    way: Floats,
+    templates: Templates,
+    guess: Guess,
     machine: Machine,
     fit: Fit,
 ) -> Ground | None:
@@ -149,11 +151,8 @@ def _signals_alone(
     if not there or there == set(tracks):
         return None
     start = replace(FREE, shift_s=fit.ground.shift_s, rate=fit.ground.rate)
-    wander = machine.drive.speed_wander or WANDER
-    free = fit_travel(
-        tracks, columns, way, RATE_HZ, fit.travel.base_m_s, 0.0, wander, ground, start, fit.travel
-    )
-    return free.ground
+    guess = replace(guess, travel=fit.travel)
+    return fit_travel(tracks, templates, guess, ground, start).ground
 
 
 def _simulated(track: Timed, column: Floats, way: Floats, travel: Travel) -> tuple[Floats, Floats]:
@@ -227,9 +226,7 @@ def _without_pose(
 ) -> dict[str, Timed]:
     """Return the tracks with bias and rotation of accelerations removed, for the fit."""
     aligned, _ = _align(setting.tracks, columns, way, sensors, setting.travel)
-    return {
-        c: Timed(c, a.time_s, a.measured, a.valid, a.rate_hz) for c, a in aligned.items()
-    }
+    return {c: Timed(c, a.time_s, a.measured, a.valid, a.rate_hz) for c, a in aligned.items()}
 
 
 def _bands(aligned: Aligned, machine: Machine) -> Bands:

@@ -6,21 +6,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from escalator_twin.check.clock import ClockComparison
+from escalator_twin.check.quality import quality
 from escalator_twin.comparison.assign import mend_by_model
 from escalator_twin.comparison.clocks import logger_clocks
-from escalator_twin.check.quality import quality
 from escalator_twin.comparison.mend import mend
 from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.physics.path import build_path
 from escalator_twin.signals import Experiment, Finding, Floats, Recording
-from escalator_twin.sync.place import Place, find_place
-from escalator_twin.sync.speed import SpeedEstimate, estimate_speed
-from escalator_twin.sync.template import Template, make_template
-from escalator_twin.sync.timeline import Clock, Timed, origin_ns, time_all
 from escalator_twin.sync.ground import scan_shift
-from escalator_twin.sync.travel import BAND_HZ, HELD, Fit, Ground, Travel, fit_travel
+from escalator_twin.sync.place import find_place, Place
+from escalator_twin.sync.speed import estimate_speed, SpeedEstimate
+from escalator_twin.sync.template import make_template, Template, Templates
+from escalator_twin.sync.timeline import Clock, origin_ns, time_all, Timed
+from escalator_twin.sync.travel import BAND_HZ, Fit, fit_travel, Ground, Guess, HELD, Travel
 from escalator_twin.twin import make_simulation, run_twin
 
 RATE_HZ = 200.0  # of simulated records
@@ -107,27 +107,15 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     if template is None:
         template = simulate_loop(machine, experiment)
     low = {c: lowpass(t.values, BAND_HZ, t.rate_hz) for c, t in tracks.items()}
-    place = _first_place(
-        tracks, low, template, speed, recording.path, machine.chain.pitch_m
-    )
+    place = _first_place(tracks, low, template, speed, recording.path, machine.chain.pitch_m)
     end = max(float(t.time_s[-1]) for t in tracks.values())
     margin = 2.0 * machine.chain.pitch_m
-    grid, columns = template.tiled(
-        place.start_m - margin, place.start_m + 1.02 * speed.high * end + margin
+    templates = template.tiled(
+        place.start_m - margin, place.start_m + 1.02 * speed.high * end + margin, speed.value
     )
-    tracks, wrong = mend_by_model(
-        tracks, low, columns, grid, speed.value, place.start_m, machine
-    )
-    fit = fit_all(
-        tracks,
-        columns,
-        grid,
-        speed.value / template.spacing_m,
-        speed.value,
-        place.start_m,
-        machine,
-        comparisons,
-    )
+    tracks, wrong = mend_by_model(tracks, low, templates, speed.value, place.start_m, machine)
+    guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
+    fit = fit_all(tracks, templates, guess, machine, comparisons)
     real = fit.travel.speed_m_s
     begin = float(fit.travel.at(np.zeros(1))[0]) - real * LEAD_S
     length = build_path(machine.guide).length_m
@@ -148,37 +136,26 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
 
 def fit_all(
     tracks: Mapping[str, Timed],
-    templates: Mapping[str, Floats],
-    travel_m: Floats,
-    rate_hz: float,
-    base_m_s: float,
-    start_m: float,
+    templates: Templates,
+    guess: Guess,
     machine: Machine,
     comparisons: Mapping[str, ClockComparison],
-    first: Travel | None = None,
 ) -> Fit:
     """Fit travel to all channels, the reference's clock as free as bag time leaves it.
 
     Where bag time does not tie the loggers, the travelling logger's channels are fitted first,
     then the reference's are shifted to where they agree best, then all are fitted together.
     """
-    wander = machine.drive.speed_wander or WANDER
     ground = machine.instruments.channels_of(machine.instruments.reference_logger)
+    fixed = {c: t for c, t in tracks.items() if c in ground}
     riding = {c: t for c, t in tracks.items() if c not in ground}
     prior = HELD
-    if riding and len(riding) < len(tracks) and not all(c.is_known for c in comparisons.values()):
-        alone = fit_travel(
-            riding, templates, travel_m, rate_hz, base_m_s, start_m, wander, first=first
-        )
-        first = alone.travel
-        shift = scan_shift(
-            {c: t for c, t in tracks.items() if c in ground},
-            templates, travel_m, rate_hz, first, UNKNOWN_SD_S,
-        )  # fmt: skip
+    if riding and fixed and not all(c.is_known for c in comparisons.values()):
+        alone = fit_travel(riding, templates, guess)
+        guess = replace(guess, travel=alone.travel)
+        shift = scan_shift(fixed, templates, alone.travel, UNKNOWN_SD_S)
         prior = replace(FREE, shift_s=shift)
-    return fit_travel(
-        tracks, templates, travel_m, rate_hz, base_m_s, start_m, wander, ground, prior, first
-    )
+    return fit_travel(tracks, templates, guess, ground, prior)
 
 
 def simulate_loop(machine: Machine, experiment: Experiment) -> Template:
@@ -232,7 +209,9 @@ def _first_place(
         keep = slice(round(EDGE_S * track.rate_hz), -round(EDGE_S * track.rate_hz))
         time, values = track.time_s[keep], low[channel][keep]
         if len(time) < 2:
-            raise SynchronisationError(f'{path}: {channel}: too short: {len(track.time_s)} samples')
+            raise SynchronisationError(
+                f'{path}: {channel}: too short: {len(track.time_s)} samples'
+            )
         travel = speed.value * time
         grid = np.arange(travel[0], travel[-1], template.spacing_m)
         measured[channel] = np.interp(grid, travel, values)

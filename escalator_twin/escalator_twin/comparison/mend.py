@@ -6,7 +6,7 @@ import numpy as np
 
 from escalator_twin.check.values import own_noise, spike_mask
 from escalator_twin.machine import Machine, Sensor
-from escalator_twin.signals import Finding, Floats, Recording, Signal, read_only
+from escalator_twin.signals import Finding, Floats, read_only, Recording, Signal
 
 DEAD_NOISE = 3.0  # a part that moves by less than this many times its noise while others live
 LIVE_NOISE = 12.0  # the others then move by more than this
@@ -45,9 +45,7 @@ def mend(
             done.add((kind, channel))
     if not done:
         return recording, findings
-    told = [
-        replace(f, repaired=f.repaired or (f.kind, f.channel) in done) for f in findings
-    ]
+    told = [replace(f, repaired=f.repaired or (f.kind, f.channel) in done) for f in findings]
     return replace(recording, signals=signals), told
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from escalator_twin.metrics.filters import lowpass
-from escalator_twin.signals import Floats
+from escalator_twin.sync.template import Templates
 from escalator_twin.sync.timeline import Timed
 from escalator_twin.sync.travel import BAND_HZ, EDGE_S, Travel
 
@@ -18,9 +18,7 @@ NEAR, NEAR_SHARE = 1.1, 0.01
 
 def scan_shift(
     tracks: Mapping[str, Timed],
-    templates: Mapping[str, Floats],
-    template_travel_m: Floats,
-    template_rate_hz: float,
+    templates: Templates,
     travel: Travel,
     reach_s: float,
 ) -> float:
@@ -33,9 +31,7 @@ def scan_shift(
     ----------
     tracks : mapping of channel to Timed
         Of the logger to be tied.
-    templates : mapping of channel to (n,) float64
-    template_travel_m : (n,) float64
-    template_rate_hz : float
+    templates : Templates
     travel : Travel
         From the other loggers' signals.
     reach_s : float
@@ -48,16 +44,15 @@ def scan_shift(
     shifts = np.arange(-reach_s, reach_s + SCAN_STEP_S, SCAN_STEP_S)
     misfit = np.zeros(len(shifts))
     for channel, track in tracks.items():
-        if channel not in templates:
+        if channel not in templates.columns:
             continue
         edge = round(EDGE_S * track.rate_hz)
         keep = slice(edge, -edge, max(1, round(track.rate_hz / 20.0)))
         good = track.valid[keep]
         measured = lowpass(track.values, BAND_HZ, track.rate_hz)[keep][good]
         time = track.time_s[keep][good]
-        curve = CubicSpline(
-            template_travel_m, lowpass(templates[channel], BAND_HZ, template_rate_hz)
-        )
+        smooth = lowpass(templates.columns[channel], BAND_HZ, templates.rate_hz)
+        curve = CubicSpline(templates.travel_m, smooth)
         power = float(np.var(measured))
         if power <= 0.0:
             continue

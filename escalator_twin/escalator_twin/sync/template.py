@@ -1,6 +1,8 @@
 """One loop of the twin at constant speed, as periodic functions of travel."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -8,6 +10,30 @@ from scipy.interpolate import CubicSpline
 from escalator_twin.signals import Floats
 
 SPACING_M = 0.02  # of the template grid; 2 Hz at the slowest level is a wave of 0.12 m
+
+
+@dataclass(frozen=True)
+class Templates:
+    """Simulated channels along travel, at constant speed.
+
+    Attributes
+    ----------
+    travel_m : (n,) float64
+        Increasing, even, m.
+    rate_hz : float
+        Rate at which that speed passes the grid, for the filters that both sides share.
+    columns : mapping of channel to (n,) float64
+        SI.
+    """
+
+    travel_m: Floats
+    rate_hz: float
+    columns: Mapping[str, Floats]
+
+    @classmethod
+    def of_run(cls, speed_m_s: float, time_s: Floats, columns: Mapping[str, Floats]) -> Self:
+        """Return the templates that a run at constant speed recorded on an even time grid."""
+        return cls(speed_m_s * time_s, 1.0 / float(time_s[1] - time_s[0]), columns)
 
 
 @dataclass(frozen=True)
@@ -35,13 +61,14 @@ class Template:
         """Spacing of the grid, m."""
         return self.loop_m / len(self.values)
 
-    def tiled(self, start_m: float, end_m: float) -> tuple[Floats, dict[str, Floats]]:
-        """Return travel and channels from about ``start_m`` to about ``end_m``."""
+    def tiled(self, start_m: float, end_m: float, speed_m_s: float) -> Templates:
+        """Return the channels from about ``start_m`` to about ``end_m``, passed at a speed."""
         first = int(np.floor(start_m / self.spacing_m)) - 2
         last = int(np.ceil(end_m / self.spacing_m)) + 2
         index = np.arange(first, last + 1)
         rows = self.values[index % len(self.values)]
-        return index * self.spacing_m, {c: rows[:, i] for i, c in enumerate(self.channels)}
+        columns = {c: rows[:, i] for i, c in enumerate(self.channels)}
+        return Templates(index * self.spacing_m, speed_m_s / self.spacing_m, columns)
 
     def place_at(self, travel_m: float, direction: int, length_m: float) -> float:
         """Return the path coordinate of axle 0 at a travel, m, within one loop."""

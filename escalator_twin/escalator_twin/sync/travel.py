@@ -8,6 +8,7 @@ from scipy.interpolate import BSpline, CubicSpline
 
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats
+from escalator_twin.sync.template import Templates
 from escalator_twin.sync.timeline import Timed
 
 KNOT_S = 8.0  # the slowest wander that the data sheet names has a period of 30 s
@@ -92,157 +93,209 @@ def _knots(start: float, end: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Row:
-    """One channel prepared for the fit."""
+class Guess:
+    """Where the fit begins.
 
+    Attributes
+    ----------
+    base_m_s : float
+        First estimate of the mean speed.
+    start_m : float
+        Travel of the templates at reference time 0; not used where ``travel`` is given.
+    wander : float
+        Relative slow wander that the speed may have.
+    travel : Travel, optional
+        An earlier fit to begin with.
+    """
+
+    base_m_s: float
+    start_m: float = 0.0
+    wander: float = 0.002
+    travel: Travel | None = None
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One channel prepared for the fit: samples, template and its slope, spline basis."""
+
+    channel: str
     time_s: Floats
     measured: Floats
     model: CubicSpline
     slope: CubicSpline
+    basis: Floats
     on_ground: bool
-    noise: float
 
 
-def _prepare(track: Timed, model: Floats, travel: Floats, on_ground: bool, noise: float) -> _Row:
+@dataclass(frozen=True)
+class _Problem:
+    """All rows of a fit, with the priors on the spline and on the reference's clock."""
+
+    rows: tuple[_Row, ...]
+    knots: Floats
+    span: tuple[float, float]
+    base_m_s: float
+    reach: tuple[float, float]
+    smooth: Floats
+    prior: Ground
+
+    @property
+    def n(self) -> int:
+        """Coefficients of the spline."""
+        return len(self.knots) - 4
+
+    @property
+    def held(self) -> Floats:
+        """Weights that hold the reference's shift and rate."""
+        floor = np.array([1e-9, 1e-12])
+        return 1.0 / np.maximum([self.prior.shift_sd_s, self.prior.rate_sd], floor) ** 2
+
+    def step(self, coefficients: Floats, moved: Floats) -> tuple[Floats, Floats, dict[str, float]]:
+        """Return normal matrix, right side and residual scales of one Gauss-Newton step."""
+        n = self.n
+        begun = np.array([self.prior.shift_s, self.prior.rate])
+        normal, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+        normal[:n, :n] += self.smooth.T @ self.smooth
+        right[:n] -= self.smooth.T @ (self.smooth @ coefficients)
+        normal[[n, n + 1], [n, n + 1]] += self.held
+        right[n:] -= self.held * (moved - begun)
+        scales = {}
+        for row in self.rows:
+            scale, jacobian, weight, residual = self._linear(row, coefficients, moved)
+            scales[row.channel] = scale
+            normal += jacobian.T @ (jacobian * weight[:, None])
+            right += jacobian.T @ (residual * weight)
+        return normal, right, scales
+
+    def _linear(
+        self, row: _Row, coefficients: Floats, moved: Floats
+    ) -> tuple[float, Floats, Floats, Floats]:
+        """Return scale, Jacobian, Huber weights and residual of one row, its mean free."""
+        late = (moved[0] + moved[1] * row.time_s) * row.on_ground
+        here = self.base_m_s * (row.time_s + late) + row.basis @ coefficients
+        here = np.clip(here, *self.reach)
+        residual = row.measured - row.model(here)
+        residual -= np.median(residual)
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-12)
+        weight = 1.0 / np.maximum(1.0, np.abs(residual) / (HUBER * scale)) / scale**2
+        rate = row.slope(here)
+        by_time = self.base_m_s * rate * float(row.on_ground)
+        jacobian = np.column_stack([row.basis * rate[:, None], by_time, by_time * row.time_s])
+        jacobian -= weight @ jacobian / weight.sum()
+        return scale, jacobian, weight, residual - weight @ residual / weight.sum()
+
+
+def _row(track: Timed, templates: Templates, knots: Floats, on_ground: bool) -> _Row:
     """Low-pass a channel and its template and thin the samples to what the band needs."""
     step = max(1, round(track.rate_hz / FIT_RATE_HZ))
     keep = slice(round(EDGE_S * track.rate_hz), -round(EDGE_S * track.rate_hz), step)
-    smooth = lowpass(track.values, BAND_HZ, track.rate_hz)
     good = track.valid[keep]
-    curve = CubicSpline(travel, model)
+    time = track.time_s[keep][good]
+    smooth = lowpass(templates.columns[track.channel], BAND_HZ, templates.rate_hz)
+    curve = CubicSpline(templates.travel_m, smooth)
     return _Row(
-        track.time_s[keep][good], smooth[keep][good], curve, curve.derivative(), on_ground, noise
+        track.channel,
+        time,
+        lowpass(track.values, BAND_HZ, track.rate_hz)[keep][good],
+        curve,
+        curve.derivative(),
+        BSpline.design_matrix(time, knots, 3).toarray(),
+        on_ground,
     )
+
+
+def _problem(
+    tracks: Mapping[str, Timed],
+    templates: Templates,
+    guess: Guess,
+    ground: frozenset[str],
+    prior: Ground,
+) -> _Problem:
+    """Prepare all channels that both sides have."""
+    common = [t for c, t in tracks.items() if c in templates.columns]
+    span = (
+        min(float(t.time_s[0]) for t in common) - EDGE_S,
+        max(float(t.time_s[-1]) for t in common) + EDGE_S,
+    )
+    knots = _knots(*span)
+    n = len(knots) - 4
+    # prior: from one knot interval to the next the speed changes by about the wander
+    slope = np.diff(np.eye(n), axis=0) / np.diff(_sites(knots))[:, None]
+    smooth = np.diff(slope, axis=0) / (2.0 * guess.wander * guess.base_m_s)
+    return _Problem(
+        tuple(_row(t, templates, knots, t.channel in ground) for t in common),
+        knots,
+        span,
+        guess.base_m_s,
+        (float(templates.travel_m[0]), float(templates.travel_m[-1])),
+        smooth,
+        prior,
+    )
+
+
+def _sites(knots: Floats) -> Floats:
+    """Return the times at which a spline's coefficients act (Greville's abscissae)."""
+    return np.array([knots[i + 1 : i + 4].mean() for i in range(len(knots) - 4)])
 
 
 def fit_travel(
     tracks: Mapping[str, Timed],
-    templates: Mapping[str, Floats],
-    template_travel_m: Floats,
-    template_rate_hz: float,
-    base_m_s: float,
-    start_m: float,
-    wander: float,
+    templates: Templates,
+    guess: Guess,
     ground: frozenset[str] = frozenset(),
     ground_prior: Ground = HELD,
-    first: Travel | None = None,
-    noise: Mapping[str, float] | None = None,
 ) -> Fit:
     """Fit travel over time so that measured and simulated signals agree below 2 Hz.
 
     Minimises, by Gauss-Newton with Huber weights, the squared differences of all channels, each
-    with a free mean and scaled by its own robust residual; the spline's speed is held near the
-    base speed by the stated wander.
+    with a free mean and scaled by its own robust residual; the spline's speed is held smooth by
+    the stated wander.
 
     Parameters
     ----------
     tracks : mapping of channel to Timed
-    templates : mapping of channel to (n,) float64
-        Simulated at constant speed, on ``template_travel_m``.
-    template_travel_m : (n,) float64
-        Increasing, even, m; must cover the recording.
-    template_rate_hz : float
-        Rate at which the templates were simulated, for the common low-pass.
-    base_m_s : float
-        First estimate of the mean speed.
-    start_m : float
-        Template travel at reference time 0.
-    wander : float
-        Relative speed wander that a machine may have.
+    templates : Templates
+        Must cover the recording.
+    guess : Guess
     ground : frozenset of str
         Channels of the reference logger, whose time may be moved.
     ground_prior : Ground
         Where that begins and how far it may go (standard deviations; 0 holds it).
-    first : Travel, optional
-        A travel to begin with instead of ``start_m``.
-    noise : mapping, optional
-        Smallest residual scale of each channel, in its unit.
     """
-    floor = noise or {}
-    rows = {
-        c: _prepare(
-            tracks[c],
-            lowpass(templates[c], BAND_HZ, template_rate_hz),
-            template_travel_m,
-            c in ground,
-            floor.get(c, 0.0),
-        )
-        for c in tracks
-        if c in templates
-    }
-    start = min(r.time_s[0] for r in rows.values()) - EDGE_S
-    end = max(r.time_s[-1] for r in rows.values()) + EDGE_S
-    knots = _knots(float(start), float(end))
-    n = len(knots) - 4
-    sites = np.array([knots[i + 1 : i + 4].mean() for i in range(n)])
-    if first is None:
-        coefficients = np.full(n, start_m)
-    else:
-        coefficients = first.at(sites) - base_m_s * sites
-    bases = {c: BSpline.design_matrix(r.time_s, knots, 3).toarray() for c, r in rows.items()}
-    # prior: speed offset of each knot interval within the wander, first guess of speed loosely
-    slope = np.diff(np.eye(n), axis=0) / np.diff(sites)[:, None]
-    prior = np.diff(slope, axis=0) / (2.0 * wander * base_m_s)
-    begun = np.array([ground_prior.shift_s, ground_prior.rate])
-    held = 1.0 / np.maximum([ground_prior.shift_sd_s, ground_prior.rate_sd], [1e-9, 1e-12]) ** 2
-    moved = begun.copy()
-    scale: dict[str, float] = {}
-    covariance = np.eye(n + 2)
+    problem = _problem(tracks, templates, guess, ground, ground_prior)
+    n = problem.n
+    coefficients = np.full(n, guess.start_m)
+    if guess.travel is not None:
+        sites = _sites(problem.knots)
+        coefficients = guess.travel.at(sites) - guess.base_m_s * sites
+    moved = np.array([ground_prior.shift_s, ground_prior.rate])
     for _ in range(PASSES):
-        normal = np.zeros((n + 2, n + 2))
-        right = np.zeros(n + 2)
-        normal[:n, :n] += prior.T @ prior
-        right[:n] -= prior.T @ (prior @ coefficients)
-        normal[[n, n + 1], [n, n + 1]] += held
-        right[n:] -= held * (moved - begun)
-        for c, row in rows.items():
-            basis = bases[c]
-            late = (moved[0] + moved[1] * row.time_s) * row.on_ground
-            here = base_m_s * (row.time_s + late) + basis @ coefficients
-            here = np.clip(here, template_travel_m[0], template_travel_m[-1])
-            residual = row.measured - row.model(here)
-            residual -= np.median(residual)
-            scale[c] = max(1.4826 * float(np.median(np.abs(residual))), row.noise, 1e-12)
-            weight = 1.0 / np.maximum(1.0, np.abs(residual) / (HUBER * scale[c])) / scale[c] ** 2
-            rate = row.slope(here)
-            by_time = base_m_s * rate * float(row.on_ground)
-            jacobian = np.column_stack(
-                [basis * rate[:, None], by_time, by_time * row.time_s]
-            )
-            centre = weight @ jacobian / weight.sum()
-            jacobian -= centre
-            residual = residual - weight @ residual / weight.sum()
-            normal += jacobian.T @ (jacobian * weight[:, None])
-            right += jacobian.T @ (residual * weight)
+        normal, right, scales = problem.step(coefficients, moved)
         change = np.linalg.solve(normal, right)
         coefficients = coefficients + change[:n]
         moved = moved + change[n:]
-        covariance = np.linalg.inv(normal)
         if np.abs(change[:n]).max() < 1e-6:
             break
-    return _finish(knots, coefficients, covariance, base_m_s, (start, end), scale, moved)
+    return _finish(problem, coefficients, moved, DEPENDENT * np.linalg.inv(normal), scales)
 
 
 def _finish(
-    knots: Floats,
+    problem: _Problem,
     coefficients: Floats,
-    covariance: Floats,
-    base_m_s: float,
-    span: tuple[float, float],
-    scale: Mapping[str, float],
     moved: Floats,
+    covariance: Floats,
+    scales: Mapping[str, float],
 ) -> Fit:
     """Turn coefficients into a Travel with the interval of its mean speed."""
-    spline = BSpline(knots, coefficients, 3)
-    duration = span[1] - span[0]
-    ends = BSpline.design_matrix(np.array(span), knots, 3).toarray()
-    difference = (ends[1] - ends[0]) / duration
-    speed = base_m_s + float(difference @ coefficients)
-    n = len(coefficients)
-    covariance = DEPENDENT * covariance
+    spline = BSpline(problem.knots, coefficients, 3)
+    start, end = problem.span
+    ends = BSpline.design_matrix(np.array([start, end]), problem.knots, 3).toarray()
+    difference = (ends[1] - ends[0]) / (end - start)
+    speed = problem.base_m_s + float(difference @ coefficients)
+    n = problem.n
     deviation = float(np.sqrt(difference @ covariance[:n, :n] @ difference))
-    travel = Travel(speed, speed - 1.96 * deviation, speed + 1.96 * deviation, base_m_s, spline)
-    ground = Ground(
-        float(moved[0]), float(moved[1]), *(float(np.sqrt(covariance[k, k])) for k in (n, n + 1))
+    travel = Travel(
+        speed, speed - 1.96 * deviation, speed + 1.96 * deviation, problem.base_m_s, spline
     )
-    return Fit(travel, dict(scale), ground)
+    shift_sd, rate_sd = (float(np.sqrt(covariance[k, k])) for k in (n, n + 1))
+    return Fit(travel, dict(scales), Ground(float(moved[0]), float(moved[1]), shift_sd, rate_sd))
