@@ -5,7 +5,6 @@ import sys
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from escalator_msgs.msg import Comparison, QualityFinding
@@ -19,14 +18,14 @@ from escalator_twin.ros.parameters import declare
 from escalator_twin.ros.replay import Replay
 from escalator_twin.ros.replaying import replay
 from escalator_twin.ros.settings import ComparatorSettings
-from escalator_twin.ros.spin import run
+from escalator_twin.ros.spin import Program, run
 
 NAME = 'comparator'
 DIAGNOSTICS_PERIOD_S = 1.0
 ADAPT_PERIOD_S = 0.5  # between two looks at what publishers offer
 
 
-class ComparatorNode(Node):
+class ComparatorNode(Program):
     """Sets the simulator beside a recording, or beside what it hears, and publishes metrics."""
 
     def __init__(self) -> None:

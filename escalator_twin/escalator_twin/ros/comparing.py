@@ -1,6 +1,5 @@
 """What replaying and listening have in common: the simulated run, judging, results."""
 
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 import threading
@@ -10,11 +9,10 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
-from escalator_msgs.msg import Comparison
 from escalator_twin.bagfile import Message
 from escalator_twin.comparison.document import recording_document, SCHEMA
-from escalator_twin.comparison.judge import judge
-from escalator_twin.comparison.locate import LEAD_S, Setting
+from escalator_twin.comparison.judge import judge, Judgement
+from escalator_twin.comparison.locate import Setting
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Machine
 from escalator_twin.physics.path import build_path
@@ -23,10 +21,11 @@ from escalator_twin.ros.files import write_json
 from escalator_twin.ros.link import SimulatorLink, Stopped
 from escalator_twin.ros.outputs import NS, Output
 from escalator_twin.ros.results import comparison_message, quality_message
-from escalator_twin.ros.session import Session
+from escalator_twin.ros.session import note_aligned, Session
 from escalator_twin.ros.settings import ComparatorSettings
 from escalator_twin.ros.windows import cut_setting, span_of, window_s
 from escalator_twin.signals import Nanoseconds, Recording
+from escalator_twin.sync.travel import Travel
 
 COMPARISON_TYPE = 'escalator_msgs/msg/Comparison'
 
@@ -59,7 +58,7 @@ class Comparing:
         self.n_compared = 0
         self.closing = threading.Event()
         self.link = SimulatorLink(node, machine, self.pause)
-        self.session = Session(settings.session) if settings.session else None
+        self.session = Session(settings.session, machine) if settings.session else None
         self.link.hand_on = self._note_simulated if self.session else None
         self._topics = topics
         self._judge = ThreadPoolExecutor(1, thread_name_prefix='judge')
@@ -115,22 +114,33 @@ class Comparing:
         future = self._judge.submit(self._compare, recording, part, self.trace())
         self._pending.append((future, part))
 
-    def publish_ready(self, is_last: bool = False) -> None:
-        """Publish the windows that have been judged; wait for all of them at last."""
+    def publish_ready(self, is_last: bool = False) -> Travel | None:
+        """Publish the windows that have been judged; wait for all of them at last.
+
+        Returns
+        -------
+        travel : Travel or None
+            Of the last one among them.
+        """
+        travel = None
         while self._pending and (is_last or self._pending[0][0].done()):
             future, part = self._pending.pop(0)
             try:
-                document = future.result()
+                document, judgement = future.result()
             except EscalatorError as error:
                 self.node.get_logger().warning(f'a window could not be compared: {error}')
                 continue
+            travel = judgement.travel
             self._publish(document, part, is_final=False)
+        return travel
 
     def conclude(self, recording: Recording, setting: Setting) -> None:
         """Judge the whole recording; publish and write the result."""
         self.publish_ready(is_last=True)
         self.say('comparing the whole recording')
-        document = self._compare(recording, setting, self.trace())
+        document, judgement = self._compare(recording, setting, self.trace())
+        if self.session is not None:
+            note_aligned(self.session, judgement, setting.origin_ns)
         if self.settings.json:
             whole = {'schema': SCHEMA, 'machine': self.settings.machine, 'recordings': [document]}
             write_json(self.settings.json, whole)
@@ -141,9 +151,11 @@ class Comparing:
             f'{run.n_lost} lost, {run.n_disordered} out of order'
         )
 
-    def _compare(self, recording: Recording, setting: Setting, trace: Trace) -> dict[str, Any]:
+    def _compare(
+        self, recording: Recording, setting: Setting, trace: Trace
+    ) -> tuple[dict[str, Any], Judgement]:
         judgement = judge(setting, trace, self.machine)
-        return recording_document(recording, setting, judgement, self.machine)
+        return recording_document(recording, setting, judgement, self.machine), judgement
 
     def _publish(self, document: dict[str, Any], setting: Setting, is_final: bool) -> None:
         span = span_of(setting)
@@ -162,7 +174,3 @@ class Comparing:
         self._judge.shutdown(wait=True, cancel_futures=True)
         if self.session is not None:
             self.session.close()
-
-
-Script = Callable[[Comparing], None]
-__all__ = ['LEAD_S', 'Comparing', 'Comparison', 'Script', 'Topics']

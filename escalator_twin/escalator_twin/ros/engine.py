@@ -45,10 +45,10 @@ class Order:
         Of every sensor; 0: each at its instrument's own.
     real_time_factor : float
         0: as the simulator's parameter says; below 0: as fast as possible.
-    head_start_s : float
-        Simulated time to run before the pace begins.
     listener : str
         Whom the run waits for; empty: nobody.
+    ahead_s : float
+        How far it may run ahead of him; 0: as far as messages are kept.
     """
 
     experiment: Experiment
@@ -57,8 +57,8 @@ class Order:
     epoch_ns: int = 0
     sample_rate_hz: float = 0.0
     real_time_factor: float = 0.0
-    head_start_s: float = 0.0
     listener: str = ''
+    ahead_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Engine(threading.Thread):
         rate = record_rate(self.machine, order.sample_rate_hz, simulation.step_s)
         simulation.start(order.start_s_m)
         steps = round(order.duration_s / simulation.step_s) if order.duration_s else None
-        self.run_now = Run(order, simulation, rate, steps, anchor_s=order.head_start_s)
+        self.run_now = Run(order, simulation, rate, steps)
         self.trouble = ''
         return self.run_now
 
@@ -272,7 +272,7 @@ class Engine(threading.Thread):
         if not run.order.listener:
             return False
         heard_s = ((run.heard_ns or run.order.epoch_ns) - run.order.epoch_ns) / NS
-        if run.time_s < heard_s + self.ahead_s:
+        if run.time_s < heard_s + min(run.order.ahead_s or self.ahead_s, self.ahead_s):
             return False
         if time.monotonic() - run.heard_wall > SILENCE_S:
             self.trouble = f'{run.order.listener} has not been heard of for {SILENCE_S:.0f} s'

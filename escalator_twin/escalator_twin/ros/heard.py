@@ -67,10 +67,12 @@ class HeardRun:
         kinds = {part.output.type for part in self.parts}
         self._types = typestore_for(kinds).fielddefs
         self.epoch_ns, self.rate_hz = 0, 1.0
+        self._first_row = 0
 
     def begin(self) -> None:
         """Forget what came before a new run."""
         self.parts = [Part(part.output) for part in self.parts]
+        self._first_row = 0
 
     def set_time(self, epoch_ns: int, rate_hz: float) -> None:
         """Tell the run's first stamp and its rate."""
@@ -168,32 +170,37 @@ class HeardRun:
         """Messages that came."""
         return sum(part.n_received for part in self.parts)
 
+    def forget(self, before_s: float) -> None:
+        """Drop what came before a time since the start."""
+        self._first_row = max(self._first_row, int(before_s * self.rate_hz))
+        for part in self.parts:
+            while part.rows and part.rows[0][-1] < self._first_row:
+                del part.rows[0], part.values[0]
+
     def trace(self, length_m: float) -> Trace:
-        """Return what all topics have so far, lost samples interpolated.
+        """Return what all topics have so far and is not forgotten, lost samples interpolated.
 
         Parameters
         ----------
         length_m : float
             Of the closed path.
         """
-        n = self.n_rows
+        first, n = self._first_row, self.n_rows - self._first_row
         sensors = self.machine.instruments.sensors
         table = np.full((n, len(sensors)), np.nan)
         place = np.zeros(n)
         for part in self.parts:
-            part.rows = [np.concatenate(part.rows)]
-            part.values = [np.concatenate(part.values)]
-            rows, values = part.rows[0], part.values[0]
+            rows = np.concatenate(part.rows) - first
             inside = (rows >= 0) & (rows < n)
-            if not part.output.sensors:
-                order = np.argsort(rows[inside], kind='stable')
-                kept = rows[inside][order]
-                way = np.unwrap(values[inside][order, 0], period=length_m)
-                place = np.interp(np.arange(n), kept, way)
+            rows, values = rows[inside], np.concatenate(part.values)[inside]
+            if part.output.sensors:
+                for k, column in enumerate(part.output.columns):
+                    table[rows, column] = values[:, k]
                 continue
-            for k, column in enumerate(part.output.columns):
-                table[rows[inside], column] = values[inside][:, k]
-        return Trace(np.arange(n) / self.rate_hz, _filled(table), place)
+            order = np.argsort(rows, kind='stable')
+            way = np.unwrap(values[order, 0], period=length_m)
+            place = np.interp(np.arange(n), rows[order], way)
+        return Trace((first + np.arange(n)) / self.rate_hz, _filled(table), place)
 
 
 def _values(output: Output, found: list[Any]) -> Floats:

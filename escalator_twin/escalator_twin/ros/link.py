@@ -1,9 +1,8 @@
 """The comparator's side of the simulator: start it, hear it, tell it how far one has heard."""
 
 from collections.abc import Callable
-from concurrent.futures import Future
+import math
 import time
-from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import Header
@@ -26,7 +25,7 @@ PATIENCE_S = 10.0  # of silence before a word is said about it
 TELL_S = 0.1  # of simulated time between two words on how far has been heard
 
 
-class Stopped(Exception):
+class Stopped(Exception):  # noqa: N818
     """The node is to end; no error."""
 
 
@@ -47,8 +46,9 @@ class SimulatorLink:
         self.listener = node.get_fully_qualified_name()
         self._client = node.create_client(StartExperiment, SERVICE)
         self._heard = node.create_publisher(Header, simulated_name(machine, 'heard'), qos.EVENTS)
-        self._told_rows = 0
+        self._told_rows = 0.0
         self.n_samples = 0
+        self.limit_s = math.inf
         self.hand_on: Callable[[Output, Nanoseconds, list[bytes]], None] | None = None
 
     def sources(self) -> list[Source]:
@@ -57,10 +57,13 @@ class SimulatorLink:
             Source(
                 part.output.name,
                 message_class(part.output.type, part.output.name),
-                lambda message, _, number=number: self.run.take(number, message),
+                self._taker(number),
             )
             for number, part in enumerate(self.run.parts)
         ]
+
+    def _taker(self, number: int) -> Callable[[bytes, int], None]:
+        return lambda message, _: self.run.take(number, message)
 
     def start(self, request: StartExperiment.Request) -> None:
         """Start a run and wait until its first samples have come.
@@ -72,7 +75,7 @@ class SimulatorLink:
         """
         for _ in range(TRIES):
             self.run.begin()
-            self._told_rows = 0
+            self._told_rows = 0.0
             answer = self._call(request)
             if not answer.accepted:
                 raise EscalatorError(f'{SERVICE}: {answer.message}')
@@ -91,10 +94,7 @@ class SimulatorLink:
             if time.monotonic() - since > PATIENCE_S:
                 since = time.monotonic()
                 self._node.get_logger().warning(f'waiting for the service {SERVICE}')
-        answer: Future[Any] = Future()
-        self._client.call_async(request).add_done_callback(
-            lambda done: answer.set_result(done.result())
-        )
+        answer = self._client.call_async(request)
         limit = time.monotonic() + ANSWER_S
         while not answer.done():
             self._pause(0.01)
@@ -118,6 +118,10 @@ class SimulatorLink:
                 self.hand_on(output, stamps, messages)
         self._tell()
 
+    def hold(self, limit_s: float) -> None:
+        """Let the simulator not run on beyond a time since the start."""
+        self.limit_s = limit_s
+
     @property
     def time_s(self) -> float:
         """Simulated time since the start up to which everything has come."""
@@ -129,7 +133,7 @@ class SimulatorLink:
         return 0 < self.n_samples <= self.run.n_rows
 
     def _tell(self) -> None:
-        rows = self.run.n_rows
+        rows = min(self.run.n_rows, self.limit_s * self.run.rate_hz)
         if rows != self._told_rows and (
             rows - self._told_rows >= TELL_S * self.run.rate_hz or rows == self.n_samples
         ):

@@ -7,6 +7,7 @@ the command line would read from a recording of the same messages.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+import math
 from pathlib import Path
 import tempfile
 import threading
@@ -23,12 +24,14 @@ from escalator_twin.ros.comparing import Comparing
 from escalator_twin.ros.inbox import Inbox, Source
 from escalator_twin.ros.outputs import measured_name, measured_topics, message_class, NS
 from escalator_twin.ros.requests import request_of
-from escalator_twin.ros.windows import span_of, window_s
+from escalator_twin.ros.windows import run_needed_s, span_of, window_s
 from escalator_twin.signals import Recording
 from escalator_twin.sync.timeline import time_all
 
 TICK_S = 0.005
 LIVE_NAME = 'measured topics'  # what a recording without a path is called
+AHEAD_S = 0.5  # that the simulator runs ahead of what is heard
+SLACK_S = 10.0  # heard after a window's end before it is compared, at most
 RETRY_S = 5.0  # more of the stream before speed and place are looked for again
 
 
@@ -39,10 +42,14 @@ class Stream:
     ----------
     machine : Machine
     keep_s : float
+    note : callable
+        Gets each message.
     """
 
-    def __init__(self, machine: Machine, keep_s: float) -> None:
-        self.machine, self._keep_ns = machine, round(keep_s * NS)
+    def __init__(
+        self, machine: Machine, keep_s: float, note: Callable[[list[Message]], None]
+    ) -> None:
+        self.machine, self._keep_ns, self._note = machine, round(keep_s * NS), note
         self._messages: deque[Message] = deque()
         self._once: dict[str, Message] = {}
         self._lock = threading.Lock()
@@ -127,7 +134,9 @@ class Listening:
 
     def __init__(self, node: Node, comparing: Comparing) -> None:
         self._comparing = comparing
-        self._stream = Stream(comparing.machine, comparing.settings.keep_s)
+        self._stream = Stream(
+            comparing.machine, comparing.settings.keep_s, comparing.note_measured
+        )
         is_simulated = node.get_parameter('use_sim_time').value
         clock = (lambda: node.get_clock().now().nanoseconds) if is_simulated else None
         self._inbox = Inbox(node, self._stream.sources(), clock)
@@ -192,12 +201,17 @@ class Listening:
         end = span_of(setting)[1]
         while not self._is_over():
             self._pause()
+            # the simulator keeps step with what is heard
+            comparing.link.hold(self._stream.span_s + LEAD_S)
             comparing.link.poll()
-            comparing.publish_ready()
-            if comparing.link.time_s - 2.0 * LEAD_S >= end:
-                recording = self._recording(length)
-                setting = self._again(setting, recording)
-                comparing.compare_later(recording, setting, end - length, end)
+            travel = comparing.publish_ready()
+            setting = replace(setting, travel=travel or setting.travel)
+            if comparing.link.time_s >= run_needed_s(setting, end):
+                recording = self._recording(length + SLACK_S)
+                comparing.compare_later(
+                    recording, self._again(setting, recording), end - length, end
+                )
+                comparing.link.run.forget(comparing.link.time_s - 2.0 * length)
                 end += length
         return True
 
@@ -224,9 +238,8 @@ class Listening:
         """Start the simulator where the stream began, and have it catch up."""
         comparing = self._comparing
         comparing.say(f'{setting.experiment.set_speed_m_s:.5f} m/s: starting the simulator')
-        head_start_s = self._stream.span_s + LEAD_S
         link = comparing.link
-        link.start(request_of(setting, LEAD_S, 1.0, link.listener, head_start_s, is_endless=True))
+        link.start(request_of(setting, 0.0, link.listener, AHEAD_S))
         comparing.say('comparing')
 
     def _summarise(self) -> None:
@@ -236,14 +249,15 @@ class Listening:
         comparing.say('placing the whole stream')
         recording = self._recording()
         setting = locate(recording, comparing.machine)
-        link.start(request_of(setting, LEAD_S, 0.0, link.listener))
+        link.hold(math.inf)
+        link.start(request_of(setting, 0.0, link.listener))
         while not link.is_complete:
             link.poll()
             comparing.pause(TICK_S)
         comparing.conclude(recording, setting)
 
     def _pause(self) -> None:
-        """Wait a little; put what has come into the session."""
+        """Wait a little; raise what made hearing fail."""
         if self._inbox.failure is not None:
             raise self._inbox.failure
         self._comparing.pause(TICK_S)

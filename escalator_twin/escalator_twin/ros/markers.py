@@ -38,6 +38,7 @@ def markers(simulation: Simulation, frame: str) -> MarkerArray:
     Parameters
     ----------
     simulation : Simulation
+        In its present state.
     frame : str
         x towards the upper landing, y to the left, z up, origin as in the machine's data sheet.
     """

@@ -146,6 +146,7 @@ class Encoder:
         Parameters
         ----------
         stamp_ns : (n,) int64
+            For the header, where there is one.
         values : (n, k) float64
             One column for each path.
         """

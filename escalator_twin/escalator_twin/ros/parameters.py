@@ -44,7 +44,7 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
         except InvalidParameterValueException as error:
             raise SettingsError(
                 f'{entry.name}: expected {about["low"]:g} to {about["high"]:g}, '
-                f'found {error.value!r}'
+                f'found {_override(node, entry.name)!r}'
             ) from error
         values[entry.name] = check(entry.name, value, entry.default, about['low'], about['high'])
     return kind(**values)
@@ -72,3 +72,8 @@ def follow(node: Node, kind: type[Settings], on_change: Callable[[str, object], 
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(set_all)
+
+
+def _override(node: Node, name: str) -> object:
+    """Return the value that was asked for."""
+    return node._parameter_overrides[name].value  # rclpy has no other way to it

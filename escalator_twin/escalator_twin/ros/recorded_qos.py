@@ -13,8 +13,8 @@ from escalator_twin.ros import qos
 
 METADATA = 'metadata.yaml'
 # rmw's numbers, as older versions of rosbag2 write them
-RELIABILITY = {1: 'reliable', 2: 'best_effort'}
-DURABILITY = {1: 'transient_local', 2: 'volatile'}
+RELIABILITY = {'1': 'reliable', '2': 'best_effort'}
+DURABILITY = {'1': 'transient_local', '2': 'volatile'}
 
 
 def recorded_qos(path: str) -> dict[str, QoSProfile]:
@@ -74,8 +74,7 @@ def _profiles(offered: Any) -> list[Mapping[str, Any]]:
 
 
 def _profile(entry: Mapping[str, Any]) -> QoSProfile:
-    reliability, durability = entry.get('reliability'), entry.get('durability')
+    reliability, durability = str(entry.get('reliability')), str(entry.get('durability'))
     return qos.samples_like(
-        RELIABILITY.get(reliability, str(reliability)),
-        DURABILITY.get(durability, str(durability)),
+        RELIABILITY.get(reliability, reliability), DURABILITY.get(durability, durability)
     )

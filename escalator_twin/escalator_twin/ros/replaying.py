@@ -17,14 +17,7 @@ MATCH_TIMEOUT_S = 5.0  # for subscribers of the measured topics to be found
 
 
 def replay(comparing: Comparing, player: Replay) -> None:
-    """Place the recording in the loop, then play it as often as asked for.
-
-    Parameters
-    ----------
-    comparing : Comparing
-    player : Replay
-        Of the bag that the settings name.
-    """
+    """Place the recording that the settings name in the loop; play it as often as asked for."""
     settings = comparing.settings
     comparing.say(f'reading {settings.bag}')
     recording = bagfile.read(settings.bag, comparing.machine)
@@ -53,7 +46,7 @@ def play_once(
     """Play a recording from a bag time to its end, the simulator beside it, and compare."""
     link = comparing.link
     rate = comparing.settings.rate
-    link.start(request_of(setting, LEAD_S, rate, link.listener))
+    link.start(request_of(setting, rate, link.listener))
     comparing.say(f'replaying {player.n_messages} messages')
     comparing.note_measured(player.begin(from_ns))
     first, _ = span_of(setting)

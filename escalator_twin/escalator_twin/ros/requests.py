@@ -3,7 +3,7 @@
 from builtin_interfaces.msg import Time
 
 from escalator_msgs.srv import StartExperiment
-from escalator_twin.comparison.locate import RATE_HZ, Setting
+from escalator_twin.comparison.locate import LEAD_S, RATE_HZ, Setting
 from escalator_twin.errors import ExperimentError
 from escalator_twin.machine import Machine
 from escalator_twin.ros.engine import Order
@@ -38,8 +38,8 @@ def order_of(request: StartExperiment.Request, machine: Machine, epoch_ns: int) 
         )
     if not request.duration >= 0.0:
         raise ExperimentError(f'duration: expected 0 or more, found {request.duration!r} s')
-    if not request.head_start >= 0.0:
-        raise ExperimentError(f'head_start: expected 0 or more, found {request.head_start!r} s')
+    if not request.ahead >= 0.0:
+        raise ExperimentError(f'ahead: expected 0 or more, found {request.ahead!r} s')
     return Order(
         Experiment(
             request.set_speed,
@@ -53,33 +53,26 @@ def order_of(request: StartExperiment.Request, machine: Machine, epoch_ns: int) 
         time_ns(request.stamp) or epoch_ns,
         request.sample_rate,
         request.real_time_factor,
-        request.head_start,
         request.listener,
+        request.ahead,
     )
 
 
 def request_of(
-    setting: Setting,
-    lead_s: float,
-    rate: float,
-    listener: str,
-    head_start_s: float = 0.0,
-    is_endless: bool = False,
+    setting: Setting, rate: float, listener: str, ahead_s: float = 0.0
 ) -> StartExperiment.Request:
     """Return the request for a run beside a recording.
 
     Parameters
     ----------
     setting : Setting
-    lead_s : float
-        By how much the run begins before the reference clock's time zero.
+        Of the recording.
     rate : float
         Simulated over wall time; 0: as fast as possible.
     listener : str
-    head_start_s : float
-        What is simulated at once.
-    is_endless : bool
-        Whether the run goes on past the recording.
+        Whom the run waits for.
+    ahead_s : float
+        How far it runs ahead of him, without end; 0: as far as it can, to the recording's end.
     """
     experiment = setting.experiment
     return StartExperiment.Request(
@@ -88,10 +81,10 @@ def request_of(
         load_per_step=list(experiment.load_per_step_kg),
         preload=experiment.preload_n,
         start_s=setting.start_s_m,
-        duration=0.0 if is_endless else setting.duration_s,
-        stamp=time_message(setting.origin_ns - round(lead_s * NS)),
+        duration=0.0 if ahead_s else setting.duration_s,
+        stamp=time_message(setting.origin_ns - round(LEAD_S * NS)),
         sample_rate=RATE_HZ,
         real_time_factor=rate or -1.0,
-        head_start=head_start_s,
         listener=listener,
+        ahead=ahead_s,
     )

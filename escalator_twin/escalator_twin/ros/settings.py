@@ -30,6 +30,7 @@ def setting(
     default : str, bool, int or float
         Its type is the parameter's.
     doc : str
+        One sentence.
     low, high : float, optional
         Limits, both included.
     is_live : bool

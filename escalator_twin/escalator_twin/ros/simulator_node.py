@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 
@@ -20,7 +19,7 @@ from escalator_twin.ros.parameters import declare, follow
 from escalator_twin.ros.publications import Publications
 from escalator_twin.ros.requests import order_of, time_message, time_ns
 from escalator_twin.ros.settings import SimulatorSettings
-from escalator_twin.ros.spin import run
+from escalator_twin.ros.spin import Program, run
 
 NAME = 'simulator'
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -28,7 +27,7 @@ COMMAND_TIMEOUT_S = 120.0  # an equilibrium takes a second or two on an idle mac
 AHEAD = 0.25  # of the samples that a history holds: how far a listener may be behind
 
 
-class SimulatorNode(Node):
+class SimulatorNode(Program):
     """Publishes what the twin's instruments read."""
 
     def __init__(self) -> None:

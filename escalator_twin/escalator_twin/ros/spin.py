@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 import signal
 import sys
 import threading
-from typing import Protocol
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -17,17 +16,18 @@ OK, BAD_INPUT = 0, 2
 LOOK_S = 0.1  # between two looks at whether the node has ended
 
 
-class Ending(Protocol):
+class Program(Node):
     """What a node of this package has beside rclpy's interface."""
 
     def is_over(self) -> bool:
         """Tell whether the process may end; raise what made the node's work fail."""
+        return False
 
     def close(self) -> None:
         """Stop threads and close files."""
 
 
-def run(make_node: Callable[[], Node], name: str, args: Sequence[str] | None = None) -> int:
+def run(make_node: Callable[[], Program], name: str, args: Sequence[str] | None = None) -> int:
     """Make a node, run it until it is over or interrupted, and return the exit status.
 
     The signals are taken here and not by rclpy, which would end the context at once: threads may
@@ -36,7 +36,7 @@ def run(make_node: Callable[[], Node], name: str, args: Sequence[str] | None = N
     Parameters
     ----------
     make_node : callable
-        Returns a node that is `Ending`.
+        Returns a node.
     name : str
         Of the program, for error messages.
     args : sequence of str, optional

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from escalator_twin.comparison.locate import Setting
+import numpy as np
+
+from escalator_twin.comparison.locate import LEAD_S, Setting
 from escalator_twin.machine import Machine
 from escalator_twin.signals import make_signal, Recording, Signal
 from escalator_twin.sync.timeline import Timed
@@ -38,6 +40,15 @@ def cut_setting(setting: Setting, from_s: float, to_s: float) -> Setting:
             track.rate_hz,
         )
     return replace(setting, tracks=tracks)
+
+
+def run_needed_s(setting: Setting, to_s: float) -> float:
+    """Return how long the twin has to run to come where the machine was at a time.
+
+    The twin keeps the speed that it was started with, the machine wanders about it.
+    """
+    travel_m = float(setting.travel.at(np.array([to_s]))[0])
+    return travel_m / setting.experiment.set_speed_m_s + LEAD_S
 
 
 def span_of(setting: Setting) -> tuple[float, float]:
