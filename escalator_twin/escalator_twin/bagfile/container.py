@@ -24,6 +24,28 @@ def bag_times(raw: ArrayLike) -> Indices:
     return np.clip(np.asarray(raw, dtype=np.int64), 0, MAX_TIME)
 
 
+class Span(NamedTuple):
+    """A window of bag time, [from_ns, to_ns)."""
+
+    from_ns: int = 0
+    to_ns: int = MAX_TIME + 1
+
+    def holds(self, times: Indices) -> NDArray[np.bool_]:
+        """Tell which times lie inside."""
+        return np.asarray((times >= self.from_ns) & (times < self.to_ns))
+
+    def meets(self, first_ns: int, last_ns: int) -> bool:
+        """Tell whether any time from ``first_ns`` to ``last_ns`` can lie inside."""
+        return first_ns < self.to_ns and last_ns >= self.from_ns
+
+    def widened(self, margin_ns: int) -> 'Span':
+        """Return the window with a margin on either side."""
+        return Span(max(self.from_ns - margin_ns, 0), min(self.to_ns + margin_ns, MAX_TIME + 1))
+
+
+ALWAYS = Span()
+
+
 class Channel(NamedTuple):
     """One topic of one file, with the definition of its type as the file gives it."""
 
@@ -116,8 +138,11 @@ class StorageFile(Protocol):
     channels: list[Channel]
     damage: Damage
 
-    def blocks(self, topics: set[str] | None) -> Iterator[Block]:
-        """Yield the messages of ``topics`` (``None``: all), skipping the rest unread."""
+    def blocks(self, topics: set[str] | None, span: Span = ALWAYS) -> Iterator[Block]:
+        """Yield the messages of ``topics`` (``None``: all), skipping the rest unread.
+
+        What lies outside ``span`` is skipped as far as the file tells; some of it may be given.
+        """
         ...
 
     def counts(self) -> dict[int, Count]:

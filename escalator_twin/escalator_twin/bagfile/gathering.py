@@ -7,7 +7,15 @@ import numpy as np
 
 from escalator_twin.bagfile.cdr import CdrError, columns, leaves
 from escalator_twin.bagfile.compression import CutError, decompress
-from escalator_twin.bagfile.container import Block, Bytes, Channel, Indices, MAX_CHUNK
+from escalator_twin.bagfile.container import (
+    ALWAYS,
+    Block,
+    Bytes,
+    Channel,
+    Indices,
+    MAX_CHUNK,
+    Span,
+)
 from escalator_twin.bagfile.definitions import Types, types_of
 from escalator_twin.conversions import experiment_of, parse_path, Path, STAMP
 from escalator_twin.errors import ExperimentError
@@ -19,7 +27,10 @@ CDR = 'cdr'
 
 @dataclass
 class Topic:
-    """One topic and the sensors on it; gathers their numbers block by block."""
+    """One topic and the sensors on it; gathers their numbers block by block.
+
+    What is wrong is counted inside ``span`` only.
+    """
 
     name: str
     sensors: list[Sensor]
@@ -30,6 +41,7 @@ class Topic:
     has_header: bool = True
     n_bad: int = 0
     problems: list[str] = field(default_factory=list)
+    span: Span = ALWAYS
 
     def __post_init__(self) -> None:
         texts = dict.fromkeys(text for sensor in self.sensors for text in sensor.fields)
@@ -47,8 +59,9 @@ class Part:
     groups: tuple[tuple[Indices, Bytes], ...]
 
 
-def select(block: Block, index: int, compression: str) -> Part:
-    chosen = np.flatnonzero(block.channel == index)
+def select(block: Block, index: int, compression: str, span: Span = ALWAYS) -> Part:
+    """Return the messages of one channel of a block whose bag time lies in ``span``."""
+    chosen = np.flatnonzero((block.channel == index) & span.holds(block.bag_ns))
     if compression:
         return _unpack(block, chosen, compression)
     data = np.frombuffer(block.data, np.uint8)
@@ -100,7 +113,7 @@ def collect(topic: Topic, channel: Channel, part: Part) -> None:
     paths = [*(STAMP if header else ()), *topic.paths]
     for bag_ns, rows in part.groups:
         found, is_read = columns(rows, channel.type, types, paths)
-        topic.n_bad += int((~is_read).sum())
+        topic.n_bad += int((~is_read & topic.span.holds(bag_ns)).sum())
         if not is_read.any():
             continue
         stamps = (

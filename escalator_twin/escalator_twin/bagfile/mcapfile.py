@@ -15,6 +15,7 @@ import numpy as np
 
 from escalator_twin.bagfile.compression import CutError, decompress, DECOMPRESSORS
 from escalator_twin.bagfile.container import (
+    ALWAYS,
     bag_times,
     Block,
     Channel,
@@ -25,6 +26,7 @@ from escalator_twin.bagfile.container import (
     MAX_CHUNK,
     MAX_SCHEMA,
     NOTHING,
+    Span,
 )
 from escalator_twin.bagfile.definitions import normalise_type
 from escalator_twin.bagfile.mcaprecords import (
@@ -192,8 +194,11 @@ class McapFile:
 
     # the storage protocol
 
-    def blocks(self, topics: set[str] | None) -> Iterator[Block]:
-        """Yield the messages of ``topics`` (``None``: all), skipping the rest unread."""
+    def blocks(self, topics: set[str] | None, span: Span = ALWAYS) -> Iterator[Block]:
+        """Yield the messages of ``topics`` (``None``: all), skipping the rest unread.
+
+        Chunks whose head says that they lie outside ``span`` are skipped as well.
+        """
         loose = _Loose()
         for opcode, start, length in self._file.records():
             if loose.size > BATCH or (loose.size and opcode in (HEADER, CHANNEL)):
@@ -204,26 +209,40 @@ class McapFile:
                 if length <= MAX_SCHEMA:
                     self._try_define(opcode, self._file.body(start, length), start)
             elif opcode == CHUNK:
-                if self._is_wanted(start, length, topics):
+                if self._is_wanted(start, length, topics, span):
                     yield from self._safe_chunk(start, length)
             elif opcode == MESSAGE and 22 <= length <= MAX_CHUNK:
-                number = int.from_bytes(self._file.body(start, 2), 'little')
-                index = self._ids.get(number, -1)
-                if index < 0 or topics is None or self.channels[index].topic in topics:
+                if self._is_loose_wanted(start, topics, span):
                     loose.add(self._file.body(start - PREFIX, PREFIX + length))
             elif opcode not in KNOWN and opcode < 128:
                 self.damage.remark(f'byte {start}: unknown kind of record {opcode}')
         if loose.size:
             yield self._block(*loose.take())
 
-    def _is_wanted(self, start: int, length: int, topics: set[str] | None) -> bool:
-        """Tell whether a chunk may hold a message of ``topics`` or a new channel."""
-        if topics is None:
+    def _is_wanted(self, start: int, length: int, topics: set[str] | None, span: Span) -> bool:
+        """Tell whether a chunk may hold a message of ``topics`` in ``span``, or a new channel."""
+        if topics is None and span == ALWAYS:
             return True
         indexed = self._file.indexed(start + length)
         if not indexed or any(number not in self._ids for number in indexed):
             return True
+        if span != ALWAYS:
+            first, last = bag_times(np.frombuffer(self._file.body(start, 16), '<i8'))
+            # a writer that leaves the times out puts zeros
+            if 0 < first <= last and not span.meets(int(first), int(last)):
+                return False
+        if topics is None:
+            return True
         return any(self.channels[self._ids[number]].topic in topics for number in indexed)
+
+    def _is_loose_wanted(self, start: int, topics: set[str] | None, span: Span) -> bool:
+        """Tell whether a message outside chunks is one of ``topics`` in ``span``."""
+        head = self._file.body(start, 14)
+        index = self._ids.get(int.from_bytes(head[:2], 'little'), -1)
+        time = int(bag_times(np.frombuffer(head[6:], '<i8'))[0])
+        if not span.meets(time, time):
+            return False
+        return index < 0 or topics is None or self.channels[index].topic in topics
 
     def _safe_chunk(self, start: int, length: int) -> Iterator[Block]:
         try:

@@ -6,22 +6,29 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
+from escalator_twin.bagfile.container import MAX_TIME, Span
 from escalator_twin.bagfile.gathering import collect, read_experiment, select, Topic
 from escalator_twin.bagfile.source import Bag, TopicInfo, topics_of
 from escalator_twin.bagfile.tidy import Tidy, tidy
 from escalator_twin.conversions import parse_path
 from escalator_twin.errors import RecordingError
 from escalator_twin.machine import Machine, Sensor
-from escalator_twin.signals import Finding, Floats, make_signal, Recording, Signal
+from escalator_twin.signals import Experiment, Finding, Floats, make_signal, Recording, Signal
 
 # No physical quantity in SI comes near this; its square still is a number.
 LARGEST = 1e100
 # A part of a channel that is not finite in more than this share of the samples counts as dead.
 MAX_NOT_FINITE = 0.1
+# Messages this far outside a window of bag time decide on order and repetition inside, ns.
+MARGIN_NS = 2_000_000_000
 
 
 def read(
-    path: str | os.PathLike[str], machine: Machine, namespace: str | None = None
+    path: str | os.PathLike[str],
+    machine: Machine,
+    namespace: str | None = None,
+    from_ns: int | None = None,
+    to_ns: int | None = None,
 ) -> Recording:
     """Read the machine's channels from a bag.
 
@@ -34,6 +41,10 @@ def read(
     namespace : str, optional
         Where the topics are; by default the machine's measured topics, or where none of these is
         in the bag, its simulated ones.
+    from_ns, to_ns : int, optional
+        Bag time, [from_ns, to_ns): only these messages, the same that reading all would give
+        there, and only their findings, whose times count from the window's begin. Chunks outside
+        are skipped by their heads; the experiment is found wherever it is.
 
     Returns
     -------
@@ -46,31 +57,22 @@ def read(
     BagError
         Where the container cannot be read.
     """
+    span = Span(from_ns or 0, MAX_TIME + 1 if to_ns is None else to_ns)
     with Bag(path) as bag:
         infos = topics_of(bag)
-        present = {info.topic for info in infos if info.n_messages}
         chosen = namespace or namespace_of(machine, infos)
         findings = _not_measured(machine, namespace, chosen)
-        experiment_topic = _experiment_topic(machine, chosen)
-        topics = _topics(machine, chosen)
-        wanted = (set(topics) | {experiment_topic}) & present
-        experiment = None
-        start_ns = min((info.first_ns for info in infos if info.n_messages), default=0)
-        for file, block in bag.blocks(wanted):
-            for index in np.unique(block.channel):
-                channel = file.channels[int(index)]
-                part = select(block, int(index), bag.message_compression)
-                if channel.topic == experiment_topic:
-                    experiment = experiment or read_experiment(channel, part, findings)
-                elif channel.topic in topics:
-                    collect(topics[channel.topic], channel, part)
+        first = {info.topic: info.first_ns for info in infos if info.n_messages}
+        start_ns = max(min(first.values(), default=0), span.from_ns)
+        experiment = _experiment(bag, _experiment_topic(machine, chosen), set(first), findings)
+        topics = _topics(machine, chosen, span)
+        _gather(bag, topics, set(first), span)
         signals: dict[str, Signal] = {}
         optional = {sensor.channel for sensor in machine.instruments.simulated_only}
         for topic in topics.values():
-            if not topic.rows:
-                findings += _missing(topic, optional)
-                continue
-            made, remarks = _signals(topic, start_ns)
+            made, remarks = _signals(topic, start_ns, first.get(topic.name))
+            if not made and not remarks:
+                remarks = _missing(topic, optional)
             signals |= {signal.channel: signal for signal in made}
             findings += remarks
         findings += _losses(bag, signals, start_ns)
@@ -78,6 +80,34 @@ def read(
     return Recording(
         str(path), {name: signals[name] for name in order}, experiment, tuple(findings)
     )
+
+
+def _gather(bag: Bag, topics: dict[str, Topic], present: set[str], span: Span) -> None:
+    """Take the numbers of all topics out of the bag, and of a margin around the window."""
+    wide = span.widened(MARGIN_NS)
+    for file, block in bag.blocks(set(topics) & present, wide):
+        for index in np.unique(block.channel):
+            channel = file.channels[int(index)]
+            if channel.topic in topics:
+                part = select(block, int(index), bag.message_compression, wide)
+                collect(topics[channel.topic], channel, part)
+
+
+def _experiment(
+    bag: Bag, topic: str, present: set[str], findings: list[Finding]
+) -> Experiment | None:
+    """Return the first experiment of a bag that can be read, reading no further."""
+    if topic not in present:
+        return None
+    for file, block in bag.blocks({topic}):
+        for index in np.unique(block.channel):
+            channel = file.channels[int(index)]
+            if channel.topic == topic:
+                part = select(block, int(index), bag.message_compression)
+                experiment = read_experiment(channel, part, findings)
+                if experiment is not None:
+                    return experiment
+    return None
 
 
 def require(recording: Recording, channels: Iterable[str], machine: Machine | None = None) -> None:
@@ -145,11 +175,11 @@ def _not_measured(machine: Machine, asked: str | None, chosen: str) -> list[Find
     return [Finding('missing_topic', '', 0.0, 0.0, text)]
 
 
-def _topics(machine: Machine, namespace: str) -> dict[str, Topic]:
+def _topics(machine: Machine, namespace: str, span: Span) -> dict[str, Topic]:
     found: dict[str, list[Sensor]] = {}
     for sensor in _sensors(machine, namespace):
         found.setdefault(topic_name(machine, namespace, sensor.topic), []).append(sensor)
-    return {name: Topic(name, sensors) for name, sensors in found.items()}
+    return {name: Topic(name, sensors, span=span) for name, sensors in found.items()}
 
 
 def _experiment_topic(machine: Machine, namespace: str) -> str:
@@ -169,13 +199,20 @@ def _missing(topic: Topic, optional: set[str]) -> list[Finding]:
     ]
 
 
-def _signals(topic: Topic, start_ns: int) -> tuple[list[Signal], list[Finding]]:
+def _signals(
+    topic: Topic, start_ns: int, first_ns: int | None
+) -> tuple[list[Signal], list[Finding]]:
     """Turn what a topic has gathered into signals and findings; empties the topic."""
-    bag_ns = np.concatenate(topic.bag)
-    from_s, to_s = ((int(t) - start_ns) / 1e9 for t in (bag_ns.min(), bag_ns.max()))
+    times = [part[topic.span.holds(part)] for part in topic.bag]
+    inside = [(int(part.min()), int(part.max())) for part in times if len(part)]
+    if not inside:
+        return [], []
+    from_s = (min(part[0] for part in inside) - start_ns) / 1e9
+    to_s = (max(part[1] for part in inside) - start_ns) / 1e9
     stamps = np.concatenate(topic.stamps) if topic.has_header else None
-    result = tidy(stamps, bag_ns, np.concatenate(topic.rows))
+    bag_ns, rows = np.concatenate(topic.bag), np.concatenate(topic.rows)
     topic.stamps, topic.bag, topic.rows = [], [], []
+    result = tidy(stamps, bag_ns, rows, topic.span, first_ns)
     if topic.n_bad:
         text = f'{topic.n_bad} messages do not fit their type'
         result.remarks.append(('data_gap', text, False))

@@ -13,7 +13,15 @@ import yaml
 import zstandard
 
 from escalator_twin.bagfile.compression import ZSTD_MAGIC
-from escalator_twin.bagfile.container import Block, Channel, Count, NOTHING, StorageFile
+from escalator_twin.bagfile.container import (
+    ALWAYS,
+    Block,
+    Channel,
+    Count,
+    NOTHING,
+    Span,
+    StorageFile,
+)
 from escalator_twin.bagfile.definitions import normalise_type
 from escalator_twin.bagfile.mcapfile import McapFile
 from escalator_twin.bagfile.mcaprecords import MAGIC as MCAP_MAGIC
@@ -178,10 +186,15 @@ class Bag:
 
     # what the bag holds
 
-    def blocks(self, topics: set[str] | None) -> Iterator[tuple[StorageFile, Block]]:
-        """Yield the messages of ``topics`` (``None``: all), file by file."""
+    def blocks(
+        self, topics: set[str] | None, span: Span = ALWAYS
+    ) -> Iterator[tuple[StorageFile, Block]]:
+        """Yield the messages of ``topics`` (``None``: all), file by file.
+
+        What lies outside ``span`` is skipped as far as the files tell; some of it may be given.
+        """
         for file in self.files:
-            for block in file.blocks(topics):
+            for block in file.blocks(topics, span):
                 yield file, block
             self._take_notes(file)
 

@@ -10,6 +10,7 @@ import tempfile
 import numpy as np
 
 from escalator_twin.bagfile.container import (
+    ALWAYS,
     bag_times,
     Block,
     Channel,
@@ -17,6 +18,8 @@ from escalator_twin.bagfile.container import (
     count_blocks,
     Damage,
     MAX_CHUNK,
+    MAX_TIME,
+    Span,
 )
 from escalator_twin.bagfile.definitions import normalise_type
 from escalator_twin.errors import BagError
@@ -116,8 +119,8 @@ class SqliteFile:
                 Channel(str(name), normalise_type(str(kind)), str(serialization), encoding, text)
             )
 
-    def blocks(self, topics: set[str] | None) -> Iterator[Block]:
-        """Yield the messages of ``topics`` (``None``: all), skipping the rest unread."""
+    def blocks(self, topics: set[str] | None, span: Span = ALWAYS) -> Iterator[Block]:
+        """Yield the messages of ``topics`` (``None``: all) in ``span``, the rest unread."""
         wanted = [
             number
             for number, index in self._ids.items()
@@ -125,7 +128,7 @@ class SqliteFile:
         ]
         batch: list[tuple[int, int, bytes]] = []
         n_bytes = 0
-        for row in self._rows(wanted):
+        for row in self._rows(wanted, span):
             batch.append(row)
             n_bytes += len(row[2])
             if n_bytes > BATCH:
@@ -134,14 +137,20 @@ class SqliteFile:
         if batch:
             yield self._block(batch)
 
-    def _rows(self, wanted: list[int]) -> Iterator[tuple[int, int, bytes]]:
+    def _rows(self, wanted: list[int], span: Span) -> Iterator[tuple[int, int, bytes]]:
         """Yield messages one by one, as far as the database is whole."""
         marks = ','.join('?' * len(wanted))
+        # times beyond what is believed are moved to its ends: so an open end takes them all
+        limits = ''
+        if span.from_ns > 0:
+            limits += f' AND timestamp >= {int(span.from_ns)}'
+        if span.to_ns <= MAX_TIME:
+            limits += f' AND timestamp < {int(span.to_ns)}'
         try:
             yield from self._database.execute(
                 'SELECT topic_id, timestamp, CAST(data AS BLOB) FROM messages '
                 f'WHERE topic_id IN ({marks}) AND length(data) < {MAX_CHUNK} '
-                "AND typeof(timestamp) = 'integer'",
+                f"AND typeof(timestamp) = 'integer'{limits}",
                 wanted,
             )
         except FAILURES as error:

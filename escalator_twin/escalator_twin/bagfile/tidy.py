@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from escalator_twin.bagfile.container import Indices
+from escalator_twin.bagfile.container import ALWAYS, Indices, Span
 from escalator_twin.signals import Floats
 
 # A stamp that departs by more than this from its neighbours is a step of the logger's clock, s:
@@ -22,6 +22,9 @@ STEP_LEAST = 5
 MAX_REPEATED = 0.1
 
 
+Remark = tuple[str, str, bool]
+
+
 class Tidy(NamedTuple):
     """Messages in the order of their stamps, each stamp once.
 
@@ -31,10 +34,16 @@ class Tidy(NamedTuple):
     stamp_ns: Indices
     bag_ns: Indices
     fields: Floats
-    remarks: list[tuple[str, str, bool]]
+    remarks: list[Remark]
 
 
-def tidy(stamp_ns: Indices | None, bag_ns: Indices, fields: Floats) -> Tidy:
+def tidy(
+    stamp_ns: Indices | None,
+    bag_ns: Indices,
+    fields: Floats,
+    span: Span = ALWAYS,
+    origin_ns: int | None = None,
+) -> Tidy:
     """Order the messages of one topic.
 
     Parameters
@@ -45,8 +54,12 @@ def tidy(stamp_ns: Indices | None, bag_ns: Indices, fields: Floats) -> Tidy:
         The recorder's clock.
     fields : (n, k) float64
         The messages' numbers.
+    span : Span, optional
+        What is kept and told of; messages outside are neighbours only.
+    origin_ns : int, optional
+        Bag time from which remarks count; the first message's by default.
     """
-    remarks: list[tuple[str, str, bool]] = []
+    remarks: list[Remark] = []
     by_bag = np.argsort(bag_ns, kind='stable')
     bag_ns, fields = bag_ns[by_bag], fields[by_bag]
     if stamp_ns is not None:
@@ -58,31 +71,39 @@ def tidy(stamp_ns: Indices | None, bag_ns: Indices, fields: Floats) -> Tidy:
     if stamp_ns is None:
         stamp_ns = bag_ns
     else:
-        stamp_ns, steps = _without_steps(stamp_ns, bag_ns)
+        stamp_ns, steps = _without_steps(stamp_ns, bag_ns, span, origin_ns)
         remarks += [('clock_disagreement', step, True) for step in steps]
     is_near = _near(stamp_ns)
-    if not is_near.all():
-        text = f'{int((~is_near).sum())} messages with stamps far from all others dropped'
+    if n_far := int((~is_near & span.holds(bag_ns)).sum()):
+        text = f'{n_far} messages with stamps far from all others dropped'
         remarks.append(('clock_disagreement', text, True))
-        stamp_ns, bag_ns, fields = stamp_ns[is_near], bag_ns[is_near], fields[is_near]
-    disordered = int((np.diff(stamp_ns) < 0).sum())
-    if disordered:
-        remarks.append(
-            ('out_of_order', f'{disordered} messages behind a later one: sorted by stamp', True)
-        )
+    stamp_ns, bag_ns, fields = stamp_ns[is_near], bag_ns[is_near], fields[is_near]
+    is_behind = np.diff(stamp_ns) < 0
+    if n_behind := int((is_behind & span.holds(bag_ns[1:])).sum()):
+        text = f'{n_behind} messages behind a later one: sorted by stamp'
+        remarks.append(('out_of_order', text, True))
+    if is_behind.any():
         order = np.argsort(stamp_ns, kind='stable')
         stamp_ns, bag_ns, fields = stamp_ns[order], bag_ns[order], fields[order]
+    is_kept, repeats = _first_of_each(stamp_ns, bag_ns, fields, span)
+    is_kept &= span.holds(bag_ns)
+    return Tidy(stamp_ns[is_kept], bag_ns[is_kept], fields[is_kept], remarks + repeats)
+
+
+def _first_of_each(
+    stamp_ns: Indices, bag_ns: Indices, fields: Floats, span: Span
+) -> tuple[NDArray[np.bool_], list[Remark]]:
+    """Tell which messages are the first of their stamp, and of the rest in words."""
     is_first = np.ones(len(stamp_ns), dtype=bool)
     is_first[1:] = np.diff(stamp_ns) != 0
-    if not is_first.all():
-        repeated = ~is_first[1:]
-        other = int((repeated & _differs(fields)).sum())
-        text = f'{int(repeated.sum())} messages with the stamp of another dropped'
-        if other:
-            text += f', {other} of them with other values'
-        remarks.append(('duplicate', text, True))
-        stamp_ns, bag_ns, fields = stamp_ns[is_first], bag_ns[is_first], fields[is_first]
-    return Tidy(stamp_ns, bag_ns, fields, remarks)
+    repeated = ~is_first[1:] & span.holds(bag_ns[1:])
+    if not repeated.any():
+        return is_first, []
+    other = int((repeated & _differs(fields)).sum())
+    text = f'{int(repeated.sum())} messages with the stamp of another dropped'
+    if other:
+        text += f', {other} of them with other values'
+    return is_first, [('duplicate', text, True)]
 
 
 def _differs(fields: Floats) -> NDArray[np.bool_]:
@@ -111,7 +132,9 @@ def _near(stamp_ns: Indices) -> NDArray[np.bool_]:
     return np.asarray((stamp_ns > low - reach) & (stamp_ns < high + reach))
 
 
-def _without_steps(stamp_ns: Indices, bag_ns: Indices) -> tuple[Indices, list[str]]:
+def _without_steps(
+    stamp_ns: Indices, bag_ns: Indices, span: Span, origin_ns: int | None
+) -> tuple[Indices, list[str]]:
     """Undo steps of the logger's clock, seen where its stamps jump and the bag time does not."""
     n = len(stamp_ns)
     if n < 3:
@@ -133,6 +156,8 @@ def _without_steps(stamp_ns: Indices, bag_ns: Indices) -> tuple[Indices, list[st
         exact = int(forward[i - 1] - np.median(forward))
         stamp_ns = np.concatenate([stamp_ns[:i], stamp_ns[i:] - exact])
         behind = stamp_ns - bag_ns
-        seconds = (bag_ns[i] - bag_ns[0]) / 1e9
+        if not span.meets(int(bag_ns[i]), int(bag_ns[i])):
+            continue
+        seconds = (bag_ns[i] - (bag_ns[0] if origin_ns is None else origin_ns)) / 1e9
         steps.append(f"the logger's clock steps by {size / 1e9:+.3f} s at {seconds:.2f} s: undone")
     return stamp_ns, steps
