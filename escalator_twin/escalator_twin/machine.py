@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import pi, sin
 from pathlib import Path
 
 import yaml
@@ -56,11 +57,18 @@ class Guide:
     landing_tol_m: float = 0.0
     survey_file: str | None = None
     survey_error_m: float = 0.0
+    turnaround_profile: str = 'circular'
+    transition_profile: str = 'circular'
+    profile_pitch_m: float | None = None  # of the links that compensated curves are made for
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Linear drive: a rack whose dogs, one pitch apart, carry the axles along a stretch."""
+    """Linear drive: a rack whose dogs, one pitch apart, carry the axles along a stretch.
+
+    Or a wheel: ``seats`` seats in the upper turnaround, at constant angular speed; the set speed
+    is that of the seats, and ``start_m`` and ``length_m`` say nothing.
+    """
 
     kind: str
     start_m: float
@@ -70,6 +78,7 @@ class Drive:
     damping_n_s_m: float
     speed_error: float = 0.07
     speed_wander: float = 0.0
+    seats: int = 0
 
 
 @dataclass(frozen=True)
@@ -259,7 +268,9 @@ class Machine:
 
 
 PHYSICS: dict[str, type[Machine]] = {'linked_chain': Machine}
-DRIVE_KINDS = ('linear',)
+DRIVE_KINDS = ('linear', 'wheel')
+PROFILES = ('circular', 'compensated')
+SEAT_FIT = 1e-3  # relative, of a wheel's radius to its chain
 POSITIVE = (
     ('chain', 'pitch_m'),
     ('chain', 'mass_per_pitch_kg'),
@@ -342,6 +353,39 @@ def _merge(base: dict, change: dict) -> dict:
     return merged
 
 
+def _check_geometry(machine: Machine) -> None:
+    """Raise a MachineError where guide, chain and drive do not fit one another."""
+    where, guide, drive, pitch = (
+        machine.source,
+        machine.guide,
+        machine.drive,
+        machine.chain.pitch_m,
+    )
+    for key in ('turnaround_profile', 'transition_profile'):
+        profile = getattr(guide, key)
+        if profile not in PROFILES:
+            raise MachineError(
+                f'{where}.guide.{key}: expected one of {", ".join(PROFILES)}, found {profile!r}'
+            )
+        if profile == 'compensated' and not (guide.profile_pitch_m or 0.0) > 0.0:
+            raise MachineError(
+                f'{where}.guide.profile_pitch_m: expected > 0 for a compensated curve, '
+                f'found {guide.profile_pitch_m!r}'
+            )
+    if drive.kind != 'wheel':
+        return
+    if drive.seats < 3:
+        raise MachineError(f'{where}.drive.seats: expected at least 3, found {drive.seats}')
+    radius = pitch / (2.0 * sin(pi / drive.seats))
+    circular = guide.turnaround_profile == 'circular'
+    if not circular or abs(guide.turnaround_radius_m / radius - 1.0) > SEAT_FIT:
+        raise MachineError(
+            f'{where}.guide.turnaround_radius_m: a wheel of {drive.seats} seats for links of '
+            f'{pitch} m needs a circular turnaround of {radius:.5f} m, found '
+            f'{guide.turnaround_profile}, {guide.turnaround_radius_m} m'
+        )
+
+
 def _check(machine: Machine) -> None:
     """Raise a MachineError where numbers contradict each other."""
     where = machine.source
@@ -357,6 +401,7 @@ def _check(machine: Machine) -> None:
             f'{where}.drive.kind: expected one of {", ".join(DRIVE_KINDS)}, '
             f'found {machine.drive.kind!r}'
         )
+    _check_geometry(machine)
     if machine.experiment.direction not in DIRECTIONS:
         raise MachineError(
             f'{where}.experiment.direction: expected up or down, '

@@ -142,7 +142,7 @@ def end_forces(p: Parameters, state: State, q: Floats, v: Floats, w: Floats, h: 
         p.friction_rise,
         p.friction_speed,
     )
-    start, end, ramp_m, spacing = p.drive_start, p.drive_end, p.drive_ramp, p.pitch_m
+    start, end, ramp_m, spacing = p.drive_start, p.drive_end, p.drive_ramp, p.dog_spacing
     m, n = places.shape
     moving = len(reaction)
     lift, v_lift = (q[1], v[1]) if moving == 2 else (0.0, 0.0)

@@ -15,8 +15,6 @@ the number of links.
 Coordinates: q = [carriage, (frame), axle 0: y, (x, z) of each side, axle 1: ...].
 """
 
-import numpy as np
-
 from escalator_twin.physics import chain
 from escalator_twin.physics.compiled import compiled, inlined
 from escalator_twin.physics.contact import end_forces, saturating, table_at

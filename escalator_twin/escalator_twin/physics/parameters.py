@@ -1,5 +1,6 @@
 """Numbers of one machine in one experiment, as the compiled law reads them."""
 
+from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,6 +51,7 @@ class Parameters(NamedTuple):
     drive_ramp: float
     drive_stiffness: float
     drive_damping: float
+    dog_spacing: float  # along the path
     ripple: Floats  # (k, 3): relative amplitude, cycles per pitch, phase rad
     hunting: Floats  # (k, 3): relative amplitude, Hz, phase rad
     speed: float  # of the rack, signed, m/s
@@ -99,6 +101,10 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
         raise ExperimentError(f'load: expected 1 or {n} values, found {len(loads)}')
     weight = np.broadcast_to(loads * machine.gravity_m_s2 / m, (n,))
     drive = machine.drive
+    start, length, spacing = drive.start_m, drive.length_m, chain.pitch_m
+    if drive.kind == 'wheel':
+        start, length = path.passenger_m, pi * guide.turnaround_radius_m
+        spacing = 2.0 * length / drive.seats
     return Parameters(
         n_sides=m,
         segments=path.segments,
@@ -125,11 +131,12 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
         eccentricity=np.zeros((m, n, 2)),
         flat=np.zeros((m, n, 2)),
         guide_drag=np.zeros((0, 3)),
-        drive_start=drive.start_m,
-        drive_end=drive.start_m + drive.length_m,
+        drive_start=start,
+        drive_end=start + length,
         drive_ramp=drive.ramp_m,
         drive_stiffness=drive.stiffness_n_m * both,
         drive_damping=drive.damping_n_s_m * both,
+        dog_spacing=spacing,
         ripple=np.zeros((0, 3)),
         hunting=np.zeros((0, 3)),
         speed=float(experiment.direction * experiment.set_speed_m_s),

@@ -8,6 +8,13 @@ import numpy as np
 from escalator_twin.errors import MachineError
 from escalator_twin.machine import Guide
 from escalator_twin.physics.compiled import compiled, inlined
+from escalator_twin.physics.profile import (
+    circular,
+    compensated,
+    Curve,
+    end_of,
+    tangent_length,
+)
 from escalator_twin.signals import Floats
 
 # Columns of a segment row. Lines and arcs share them; an arc's reference direction is the unit
@@ -16,6 +23,7 @@ from escalator_twin.signals import Floats
 # FIXED and GROWS: the lower, the upper end of a segment goes with the carriage.
 KIND, X, Z, CX, CZ, HALF, RADIUS, TURN, START, LENGTH, CARRIAGE, FIXED, SCALE, GROWS = range(14)
 LINE, ARC = 0.0, 1.0
+STRAIGHT = 1e-7  # rad, least turn of an arc: below it, the radius would lose the place
 
 
 @dataclass(frozen=True)
@@ -37,21 +45,35 @@ class GuidePath:
     passenger_m: float
 
 
-def _line(x: float, z: float, angle: float, length: float, fixed: float) -> list[float]:
-    """Return a straight segment; ``fixed`` is the end that stays when the carriage moves."""
-    return [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed, 1.0, 0.0]
+def _line(
+    x: float, z: float, angle: float, length: float, fixed: float = 0.0, scale: float = 1.0
+) -> list[list[float]]:
+    """Return a straight piece; ``fixed`` is 1 where its end stays when the carriage moves."""
+    if length <= 0.0:
+        return []
+    row = [LINE, x, z, cos(angle), sin(angle), 0.0, 0.0, 0.0, 0.0, length, 0.0, fixed, scale, 0.0]
+    return [row]
 
 
-def _arc(
-    x: float, z: float, angle: float, radius: float, turn: float, sweep: float, carriage: float
-) -> list[float]:
-    """Return an arc that starts at (x, z) heading ``angle``; ``turn`` +1 is to the left."""
-    cx, cz = x - turn * radius * sin(angle), z + turn * radius * cos(angle)
-    middle = angle - turn * pi / 2 + turn * sweep / 2
-    return [
-        ARC, cx, cz, cos(middle), sin(middle), sweep / 2, radius, turn, 0.0,
-        radius * sweep, carriage, 0.0, 1.0, 0.0,
-    ]  # fmt: skip
+def _bend(
+    x: float, z: float, angle: float, curve: Curve, turn: float, carriage: float = 0.0
+) -> list[list[float]]:
+    """Return the arcs of a curve from (x, z), heading ``angle``; ``turn`` +1 is to the left."""
+    rows = []
+    for length, sweep in curve:
+        if length <= 0.0:
+            continue
+        side, bent = (turn if sweep >= 0.0 else -turn), max(abs(sweep), STRAIGHT)
+        radius = length / bent
+        cx, cz = x - side * radius * sin(angle), z + side * radius * cos(angle)
+        middle = angle - side * pi / 2 + side * bent / 2
+        rows.append([
+            ARC, cx, cz, cos(middle), sin(middle), bent / 2, radius, side, 0.0, length, carriage,
+            0.0, 1.0, 0.0,
+        ])  # fmt: skip
+        angle += side * bent
+        x, z = cx + side * radius * sin(angle), cz - side * radius * cos(angle)
+    return rows
 
 
 def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
@@ -75,49 +97,81 @@ def build_path(guide: Guide, upper_landing_extra_m: float = 0.0) -> GuidePath:
         Where rise and radii leave no straight incline, or no landing is left.
     """
     slope = radians(guide.inclination_deg)
-    lower, upper = guide.lower_transition_radius_m, guide.upper_transition_radius_m
-    height = guide.rise_m - (lower + upper) * (1.0 - cos(slope))
+    lower, upper, turnaround = _curves(guide, slope)
+    (width, z1), (dx, dz), (_, drop) = end_of(lower), end_of(upper), end_of(turnaround)
+    height = guide.rise_m - z1 - dz
     incline = height / sin(slope) if slope > 0.0 else guide.rise_m
-    if not incline > 0.0:
-        raise MachineError(
-            f'guide.rise_m: {guide.rise_m} m leaves no straight incline between transitions '
-            f'of {lower} and {upper} m at {guide.inclination_deg} deg'
-        )
-    landing_m = guide.upper_landing_m + upper_landing_extra_m
-    if upper_landing_extra_m != 0.0 and not min(landing_m, guide.upper_landing_m) > 0.0:
-        raise MachineError(
-            f'guide.upper_landing_m: {guide.upper_landing_m} m cannot be laid '
-            f'{upper_landing_extra_m} m longer'
-        )
-    turnaround = guide.turnaround_radius_m
-    x0 = -guide.lower_landing_m
-    x1, z1 = lower * sin(slope), lower * (1.0 - cos(slope))
+    # the corners of the straights stay where circles would have them
+    x_a = guide.lower_transition_radius_m * tan(slope / 2.0) - tangent_length(lower)
+    spare = guide.upper_transition_radius_m * tan(slope / 2.0) - tangent_length(upper)
+    below, designed_m = guide.lower_landing_m + x_a, guide.upper_landing_m + spare
+    above = designed_m + upper_landing_extra_m
+    _check_straights(guide, incline, below, designed_m, above)
+    x0, x1 = -guide.lower_landing_m, x_a + width
     x2, z2 = x1 + incline * cos(slope), z1 + incline * sin(slope)
-    x3, z3 = x2 + upper * sin(slope), z2 + upper * (1.0 - cos(slope))
-    x4, drop = x3 + landing_m, 2.0 * turnaround
-    rows = [
-        _line(x0, 0.0, 0.0, guide.lower_landing_m, 1.0),
-        _arc(0.0, 0.0, 0.0, lower, 1.0, slope, 0.0),
-        _line(x1, z1, slope, incline, 0.0),
-        _arc(x2, z2, slope, upper, -1.0, slope, 0.0),
-        _line(x3, z3, 0.0, landing_m, 0.0),
-        _arc(x4, z3, 0.0, turnaround, -1.0, pi, 0.0),
-        _line(x4, z3 - drop, pi, landing_m, 0.0),
-        _arc(x3, z3 - drop, pi, upper, 1.0, slope, 0.0),
-        _line(x2, z2 - drop, pi + slope, incline, 0.0),
-        _arc(x1, z1 - drop, pi + slope, lower, -1.0, slope, 0.0),
-        _line(0.0, -drop, pi, guide.lower_landing_m, 0.0),
-        _arc(x0, -drop, pi, turnaround, -1.0, pi, 1.0),
+    x3, z3 = x2 + dx, z2 + dz
+    x4 = x3 + above
+    scale = designed_m / above if upper_landing_extra_m != 0.0 else 1.0
+    passenger = [
+        *_line(x0, 0.0, 0.0, below, fixed=1.0),
+        *_bend(x_a, 0.0, 0.0, lower, 1.0),
+        *_line(x1, z1, slope, incline),
+        *_bend(x2, z2, slope, upper, -1.0),
+        *_line(x3, z3, 0.0, above, scale=scale),
     ]
-    for row in (rows[4], rows[6]) if upper_landing_extra_m != 0.0 else ():
-        row[SCALE] = guide.upper_landing_m / landing_m
-    segments = np.array([row for row in rows if row[LENGTH] > 0.0])
+    rows = [
+        *passenger,
+        *_bend(x4, z3, 0.0, turnaround, -1.0),
+        *_line(x4, z3 - drop, pi, above, scale=scale),
+        *_bend(x3, z3 - drop, pi, upper, 1.0),
+        *_line(x2, z2 - drop, pi + slope, incline),
+        *_bend(x1, z1 - drop, pi + slope, lower, -1.0),
+        *_line(x_a, -drop, pi, below),
+        *_bend(x0, -drop, pi, turnaround, -1.0, carriage=1.0),
+    ]
+    segments = np.array(rows)
     designed = segments[:, LENGTH] * segments[:, SCALE]
     segments[:, START] = np.concatenate([[0.0], np.cumsum(designed[:-1])])
-    segments[:, GROWS] = np.roll(segments[:, CARRIAGE], -1)
+    carriage = segments[:, CARRIAGE]
+    segments[:, GROWS] = np.roll(carriage, -1) * (1.0 - carriage)
     segments.setflags(write=False)
-    passenger = sum(row[LENGTH] * row[SCALE] for row in rows[:5])
-    return GuidePath(segments, float(designed.sum()), passenger)
+    return GuidePath(segments, float(designed.sum()), float(designed[: len(passenger)].sum()))
+
+
+def _check_straights(
+    guide: Guide, incline: float, below: float, designed: float, above: float
+) -> None:
+    """Raise a MachineError where curves leave no straight between them."""
+    if not incline > 0.0:
+        raise MachineError(
+            f'guide.rise_m: {guide.rise_m} m leaves no straight incline between transitions of '
+            f'{guide.lower_transition_radius_m} and {guide.upper_transition_radius_m} m at '
+            f'{guide.inclination_deg} deg'
+        )
+    if min(below, designed) < 0.0:
+        raise MachineError(
+            f'guide.transition_profile: {guide.transition_profile} transitions leave landings of '
+            f'{below:.4f} m below and {designed:.4f} m above'
+        )
+    if above != designed and not min(above, designed) > 0.0:
+        raise MachineError(
+            f'guide.upper_landing_m: {designed:.4f} m cannot be laid {above - designed} m longer'
+        )
+
+
+def _curves(guide: Guide, slope: float) -> tuple[Curve, Curve, Curve]:
+    """Return the shapes of lower transition, upper transition and turnarounds."""
+
+    def shape(profile: str, turn: float, radius_m: float) -> Curve:
+        if profile == 'compensated' and turn > 0.0 and guide.profile_pitch_m is not None:
+            return compensated(turn, radius_m, guide.profile_pitch_m)
+        return circular(turn, radius_m)
+
+    return (
+        shape(guide.transition_profile, slope, guide.lower_transition_radius_m),
+        shape(guide.transition_profile, slope, guide.upper_transition_radius_m),
+        shape(guide.turnaround_profile, pi, guide.turnaround_radius_m),
+    )
 
 
 @compiled
@@ -227,13 +281,3 @@ def point_at(
     uz = row[CX] * np.sin(angle) + row[CZ] * np.cos(angle)
     x = row[X] + row[RADIUS] * ux - row[CARRIAGE] * u
     return x, row[Z] + row[RADIUS] * uz, -row[TURN] * uz, row[TURN] * ux
-
-
-def incline_limits(guide: Guide) -> tuple[float, float]:
-    """Return where the straight incline of the passenger run begins and ends, m."""
-    slope = radians(guide.inclination_deg)
-    start = guide.lower_landing_m + guide.lower_transition_radius_m * slope
-    radii = guide.lower_transition_radius_m + guide.upper_transition_radius_m
-    if slope == 0.0:
-        return start, start + guide.rise_m
-    return start, start + guide.rise_m / sin(slope) - radii * tan(slope / 2.0)

@@ -11,15 +11,12 @@ from escalator_twin.physics import run
 from escalator_twin.physics.mjcall import address_of
 from escalator_twin.physics.model import build_spec, mass_diagonal
 from escalator_twin.physics.parameters import Parameters, SIDES
-from escalator_twin.physics.path import GuidePath, point_at, START
-from escalator_twin.physics.polygon import inscribe
-from escalator_twin.physics.state import make_state, NO_DOG, ROLLING, TIME, TRAVEL
+from escalator_twin.physics.path import GuidePath
+from escalator_twin.physics.start import find_rest, set_off
+from escalator_twin.physics.state import make_state, TIME, TRAVEL
 from escalator_twin.signals import Floats
 
 STEP_S = 1e-3
-RELAX_STEP_S = 2e-3
-RELAX_RATE = 12.0  # 1/s, about critical for the carriage on its spring with half the chain
-RELAX_STEPS = 4000
 SETTLE_S = 3.0  # after setting off at speed: several times the carriage's decay time
 MARGIN_PITCHES = 0.3
 AXES = {'x': run.ACCEL_X, 'y': run.ACCEL_Y, 'z': run.ACCEL_Z}
@@ -137,6 +134,12 @@ class Simulation:
         """Time since the start, s."""
         return float(self.state.rack[TIME])
 
+    @property
+    def chain_speed_m_s(self) -> float:
+        """Mean speed of the chain: a pitch for every dog of the rack or seat of the wheel."""
+        p = self.parameters
+        return p.speed * p.pitch_m / p.dog_spacing
+
     def start(self, start_s_m: float, settle_s: float = SETTLE_S) -> None:
         """Put axle 0 at a path coordinate, at speed, transients gone.
 
@@ -154,10 +157,11 @@ class Simulation:
             raise ExperimentError(
                 f'start_s: expected 0 to {self.path.length_m:.4f} m, found {start_s_m!r}'
             )
-        way = p.speed * settle_s
-        self._equilibrium((start_s_m - way) % self.path.length_m, -way)
-        self._shift_phases(self.state.rack[TRAVEL] + way, settle_s)
-        self._set_off()
+        way = self.chain_speed_m_s * settle_s
+        rest = find_rest(p, self.state, self.path, (start_s_m - way) % self.path.length_m, -way)
+        self.data.qpos[:] = rest
+        self._shift_phases(self.state.rack[TRAVEL] + p.speed * settle_s, settle_s)
+        set_off(p, self.state, self.data.qvel, self.chain_speed_m_s)
         if settle_s > 0.0:
             # axle 0 runs ahead of the rack or behind it by the polygon's share of a pitch
             margin = MARGIN_PITCHES * p.pitch_m / abs(p.speed)
@@ -198,57 +202,6 @@ class Simulation:
             total += (self.state.s[side, axle] - first + 1.0) % self.path.length_m - 1.0
         ahead = self.state.speed[:, axle].mean() * self.step_s
         return float((first + total / sides + ahead) % self.path.length_m)
-
-    def _equilibrium(self, place_m: float, rolled_m: float) -> None:
-        """Find the state of rest with axle 0 about at a place and the rack held there.
-
-        ``rolled_m`` is the way that every roller has then rolled, 0 being at the first sample.
-        """
-        p, state = self.parameters, self.state
-        corners, u = inscribe(self.path, p.link_length.mean(axis=0), place_m)
-        base = 2 if p.frame[0] > 0.0 else 1
-        stride = 1 + 2 * p.n_sides
-        q = np.zeros(self.model.nq)
-        q[0] = u
-        starts = p.segments[:, START]
-        for i, s in enumerate(corners):
-            x, z, _, _ = point_at(p.segments, p.length_m, s, u)
-            k = int(np.searchsorted(starts, s % p.length_m, side='right')) - 1
-            state.segment[:, i] = k
-            for side in range(p.n_sides):
-                j = base + i * stride + 1 + 2 * side
-                q[j], q[j + 1] = x, z
-        state.dog[:] = NO_DOG
-        state.roll[:] = rolled_m
-        state.acceleration[:] = 0.0
-        # the rack holds the axle nearest to the drive's middle where the polygon has it
-        middle = 0.5 * (p.drive_start + p.drive_end)
-        nearest = corners[int(np.argmin(np.abs(corners % p.length_m - middle)))] % p.length_m
-        state.rack[:] = nearest % p.pitch_m, 0.0, p.speed
-        w = np.zeros_like(q)
-        # dry friction on the carriage would let it creep to its place
-        free = p._replace(carriage_friction=0.0)
-        worst = run.relax(free, state, q, w, RELAX_STEP_S, RELAX_STEPS, RELAX_RATE)
-        state.rack[ROLLING] = 0.0
-        if not np.isfinite(q).all() or worst > 1e-3:
-            raise ExperimentError(
-                f'no static equilibrium with axle 0 at {place_m:.3f} m: '
-                f'the largest speed after {RELAX_STEPS * RELAX_STEP_S} s is {worst:.2g} m/s'
-            )
-        self.data.qpos[:] = q
-
-    def _set_off(self) -> None:
-        """Give every axle end the rack's speed along the path."""
-        p, state = self.parameters, self.state
-        base = 2 if p.frame[0] > 0.0 else 1
-        stride = 1 + 2 * p.n_sides
-        self.data.qvel[:] = 0.0
-        state.acceleration[:] = 0.0
-        for side in range(p.n_sides):
-            for i in range(state.s.shape[1]):
-                _, _, tx, tz = point_at(p.segments, p.length_m, state.s[side, i], 0.0)
-                j = base + i * stride + 1 + 2 * side
-                self.data.qvel[j], self.data.qvel[j + 1] = p.speed * tx, p.speed * tz
 
     def advance(self, duration_s: float, rate_hz: float, probes: np.ndarray) -> Floats:
         """Run for a while and record at an even rate, the first row at the present state.
