@@ -50,7 +50,7 @@ class Setting:
     tracks : mapping of channel to Timed
         Measured channels in reference time.
     start_s_m : float
-        Path coordinate of axle 0 when the twin's run begins, ``LEAD_S`` before the origin.
+        Path coordinate of axle 0 when the twin's run begins, ``LEAD_S`` before the first sample.
     duration_s : float
         Of the twin's run.
     ground : Ground
@@ -109,15 +109,19 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     low = {c: lowpass(t.values, BAND_HZ, t.rate_hz) for c, t in tracks.items()}
     place = _first_place(tracks, low, template, speed, recording.path, machine.chain.pitch_m)
     end = max(float(t.time_s[-1]) for t in tracks.values())
+    # a travelling logger whose clock nothing ties may seem to have begun long before the origin
+    first_s = min(0.0, *(float(t.time_s[0]) for t in tracks.values()))
     margin = 2.0 * machine.chain.pitch_m
     templates = template.tiled(
-        place.start_m - margin, place.start_m + 1.02 * speed.high * end + margin, speed.value
+        place.start_m + 1.02 * speed.high * first_s - margin,
+        place.start_m + 1.02 * speed.high * end + margin,
+        speed.value,
     )
     tracks, wrong = mend_by_model(tracks, low, templates, speed.value, place.start_m, machine)
     guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
     fit = fit_all(tracks, templates, guess, machine, comparisons)
     real = fit.travel.speed_m_s
-    begin = float(fit.travel.at(np.zeros(1))[0]) - real * LEAD_S
+    begin = float(fit.travel.at(np.array([first_s]))[0]) - real * LEAD_S
     length = build_path(machine.guide).length_m
     return Setting(
         replace(experiment, set_speed_m_s=real),
@@ -126,7 +130,7 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
         comparisons,
         tracks,
         template.place_at(begin, experiment.direction, length),
-        end + 2.0 * LEAD_S,
+        end - first_s + 2.0 * LEAD_S,
         fit.ground,
         fit.travel.shifted(-begin),
         place.lead,

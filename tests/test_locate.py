@@ -1,0 +1,118 @@
+"""What can be known of a recording from a part of its signals, and what is said to be unknown."""
+
+from dataclasses import replace
+import json
+
+import pytest
+
+from escalator_twin import bagfile, pipeline
+from escalator_twin.comparison.document import recording_document
+from escalator_twin.errors import SynchronisationError
+from escalator_twin.machine import load_machine
+from escalator_twin.physics.path import build_path
+
+pytestmark = pytest.mark.issue(5)
+
+
+@pytest.fixture(scope='module')
+def machine(root):
+    """Return the prototype."""
+    return load_machine(root / 'config' / 'machines' / 'prototype.yaml')
+
+
+@pytest.fixture(scope='module')
+def sample(root, machine):
+    """Return the sample recording and its truth, which only the assertions read."""
+    truth = json.loads((root / 'bags' / 'truth' / 'sample_clean.json').read_text())
+    return bagfile.read(root / 'bags' / 'sample_clean', machine), truth
+
+
+def compared(recording, machine):
+    """Return the recording's part of the JSON."""
+    setting, judgement = pipeline.compare_recording(recording, machine)
+    return recording_document(recording, setting, judgement, machine)
+
+
+def only(recording, *words):
+    """Return the recording with the channels that hold one of the words."""
+    signals = {c: s for c, s in recording.signals.items() if any(w in c for w in words)}
+    return replace(recording, signals=signals)
+
+
+def off_mm(found, truth, machine):
+    """Return the error of the place, mm, the short way round the loop."""
+    length = build_path(machine.guide).length_m
+    return 1e3 * ((found['start_s_m'] - truth['start_s_m'] + length / 2) % length - length / 2)
+
+
+def test_speed_place_and_clocks_are_found(sample, machine):
+    recording, truth = sample
+    found = compared(recording, machine)
+    assert found['speed_m_s']['value'] == pytest.approx(truth['speed_m_s'], rel=1e-3)
+    assert abs(off_mm(found, truth, machine)) < 15.0
+    assert found['clock']['offset_s'] == pytest.approx(truth['clock']['offset_s'], abs=5e-3)
+    assert found['clock']['drift_ppm'] == pytest.approx(truth['clock']['drift_ppm'], abs=5.0)
+    signals = found['clock']['by_signals']
+    assert signals['offset_s'] == pytest.approx(truth['clock']['offset_s'], abs=15e-3)
+
+
+@pytest.mark.parametrize('words', [('acceleration',), ('left_a',), ('link_force',)])
+def test_some_channels_alone_tell_the_place(sample, machine, words):
+    recording, truth = sample
+    found = compared(only(recording, *words), machine)
+    assert found['place_is_certain']
+    assert abs(off_mm(found, truth, machine)) < 15.0
+    assert found['clock']['offset_s'] is None
+
+
+def test_the_tensioner_alone_does_not_tell_the_place(sample, machine):
+    recording, truth = sample
+    found = compared(only(recording, 'tensioner'), machine)
+    assert not found['place_is_certain']
+    assert found['start_s_m'] is None
+    assert found['speed_m_s']['value'] == pytest.approx(truth['speed_m_s'], rel=1e-3)
+
+
+def test_signals_tie_the_clocks_where_bag_time_equals_the_stamps(sample, machine):
+    recording, truth = sample
+    signals = {c: replace(s, bag_ns=s.stamp_ns) for c, s in recording.signals.items()}
+    found = compared(replace(recording, signals=signals), machine)
+    assert not found['clock']['by_bag_time']['offset_s']
+    assert abs(off_mm(found, truth, machine)) < 15.0
+    period = machine.chain.pitch_m / truth['speed_m_s']
+    error = found['clock']['offset_s'] - truth['clock']['offset_s']
+    assert abs((error + period / 2) % period - period / 2) < 15e-3
+    assert found['clock']['drift_ppm'] == pytest.approx(truth['clock']['drift_ppm'], abs=15.0)
+
+
+def test_an_inverted_axis_and_exchanged_links_are_named_and_put_back(sample, machine):
+    recording, truth = sample
+    signals = dict(recording.signals)
+    x = signals['step/acceleration/x']
+    signals['step/acceleration/x'] = replace(x, values=-x.values, parts=-x.parts)
+    a, b = signals['link_force/left_a'], signals['link_force/right_b']
+    signals['link_force/left_a'] = replace(b, channel=a.channel)
+    signals['link_force/right_b'] = replace(a, channel=b.channel)
+    found = compared(replace(recording, signals=signals), machine)
+    kinds = {(f['kind'], f['channel'], f['repaired']) for f in found['quality']}
+    assert ('axis_inverted', 'step/acceleration/x', True) in kinds
+    assert ('channel_swap', 'link_force/left_a', True) in kinds
+    assert abs(off_mm(found, truth, machine)) < 15.0
+    assert found['channels']['link_force/left_a']['r_time'] > 0.999
+    assert found['channels']['step/acceleration/x']['r_time'] > 0.999
+
+
+def test_a_second_of_signals_is_too_short(sample, machine):
+    recording, _ = sample
+    signals = {}
+    for channel, s in recording.signals.items():
+        n = 200
+        signals[channel] = replace(
+            s,
+            stamp_ns=s.stamp_ns[:n],
+            bag_ns=s.bag_ns[:n],
+            values=s.values[:n],
+            parts=s.parts[:n],
+        )
+    with pytest.raises(SynchronisationError, match='expected at least'):
+        compared(replace(recording, signals=signals), machine)
