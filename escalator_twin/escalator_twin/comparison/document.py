@@ -10,6 +10,7 @@ from escalator_twin.check.clock import ClockComparison
 from escalator_twin.comparison.clocks import clock_disagreement
 from escalator_twin.comparison.judge import Judgement
 from escalator_twin.comparison.locate import Setting
+from escalator_twin.comparison.riding import ride_document
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats, Recording
@@ -56,13 +57,14 @@ def recording_document(
             'low': travel.low_m_s,
             'high': travel.high_m_s,
         },
-        'start_s_m': judgement.start_s_m,
+        'start_s_m': judgement.start_s_m if setting.lead >= CLEAR else None,
         'clock': clock_document(clock, judgement.by_signals),
         'place_lead': setting.lead if np.isfinite(setting.lead) else None,
         'place_is_certain': bool(setting.lead >= CLEAR),
         'sensor_pose': {k: list(v) for k, v in judgement.pose.items()},
         'channels': {c: dict(s) for c, s in judgement.scores.items()},
         'sides': {link: asdict(side) for link, side in judgement.sides.items()},
+        'ride_quality': ride_document(judgement.channels, machine),
         'quality': [
             {
                 'kind': f.kind,
