@@ -6,8 +6,10 @@ from makers import changed, Clocks, prototype, synthetic
 import numpy as np
 import pytest
 
+from escalator_twin import bagfile
 from escalator_twin.check import check, quality
 from escalator_twin.check.gaps import longest_live_run
+from escalator_twin.check.spikes import independent
 from escalator_twin.check.values import own_noise, spike_mask
 from escalator_twin.signals import Finding
 
@@ -193,6 +195,69 @@ def test_ringing_impacts_are_no_spikes():
         rest = time[start:] - time[start]
         values[start:] += 4.0 * np.exp(-rest / 0.02) * np.cos(2 * np.pi * 55.0 * rest)
     assert not spike_mask(values, 0.02).any()
+
+
+def with_impacts(recording, n, other=0.0, ring=0.0, every=500):
+    """Return the recording with ``n`` jolts of z, which move x and ring as said."""
+    rng = np.random.default_rng(3)
+    where = every * np.arange(1, n + 1) + rng.integers(0, every // 3, n)
+
+    def jolt(share):
+        def change(parts):
+            for i in where:
+                parts[i, 0] += share
+                parts[i + 1 : i + 13, 0] += (
+                    ring * share * np.cos(2.5 * np.arange(12)) * 0.8 ** np.arange(12)
+                )
+
+        return change
+
+    recording = with_parts(recording, Z, jolt(2.0))
+    return with_parts(recording, 'step/acceleration/x', jolt(2.0 * other))
+
+
+@pytest.mark.issue(5)
+@pytest.mark.parametrize(('other', 'ring'), [(0.15, 0.0), (0.0, 0.15), (0.2, 0.2)])
+def test_what_moves_other_axes_or_rings_is_an_impact(recording, other, ring):
+    assert found(with_impacts(recording, 20, other, ring)) == set()
+    assert found(with_impacts(recording, 20)) == {('sensor_spikes', Z)}
+
+
+@pytest.mark.issue(5)
+def test_a_few_hits_are_no_fault(recording):
+    assert found(with_impacts(recording, 3)) == set()
+
+
+@pytest.mark.issue(5)
+def test_hits_that_recur_are_one():
+    stamps = np.concatenate([[3_000], 10_000 + 760 * np.arange(5), [40_000]]) * 1_000_000
+    assert independent(stamps) == 4
+    assert independent(stamps[:0]) == 0
+
+
+@pytest.mark.shared
+@pytest.mark.issue(5)
+@pytest.mark.parametrize('axis', ['x', 'y', 'z'])
+@pytest.mark.parametrize('noises', [60.0, 400.0])
+def test_outliers_among_impacts_are_found(shared, axis, noises):
+    recording = bagfile.read(shared / 'measured' / 'seeded' / 'clean_1', MACHINE)
+    channel = f'step/acceleration/{axis}'
+    rng = np.random.default_rng(8)
+    signal = recording.signals[channel]
+    where = 2 * rng.permutation(len(signal.values) // 2)[:20]
+
+    def spike(parts):
+        parts[where, 0] += noises * 0.02 * rng.choice([-1.0, 1.0], 20)
+
+    (finding,) = only(with_parts(recording, channel, spike), 'sensor_spikes', channel)
+    assert 16 <= int(finding.detail.split()[0]) <= 24
+
+
+@pytest.mark.issue(5)
+@pytest.mark.parametrize('name', ['sample_clean', 'sample_guide_step'])
+def test_impacts_of_the_sample_recordings_are_no_spikes(root, name):
+    findings = quality(bagfile.read(root / 'bags' / name, MACHINE), MACHINE)
+    assert 'sensor_spikes' not in {f.kind for f in findings}
 
 
 @pytest.mark.parametrize('hz', [50.0, 60.0, 49.85])

@@ -6,7 +6,8 @@ from typing import NamedTuple
 from escalator_twin.check.clock import ClockComparison, compare_clocks
 from escalator_twin.check.drift import drifts
 from escalator_twin.check.gaps import edges, sampling
-from escalator_twin.check.values import hum, saturation, spikes, stillness
+from escalator_twin.check.spikes import find_hits, judge_hits
+from escalator_twin.check.values import hum, saturation, stillness
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, Recording, Signal
 
@@ -16,7 +17,7 @@ CLOCK_SHARE = 1.2
 
 Detector = Callable[[Signal, Sensor, Floats], list[Finding]]
 # what looks at one channel by itself
-DETECTORS: tuple[Detector, ...] = (stillness, saturation, spikes, hum)
+DETECTORS: tuple[Detector, ...] = (stillness, saturation, hum)
 
 
 class _Channel(NamedTuple):
@@ -55,10 +56,18 @@ def quality(
             time_s = (signal.stamp_ns - start) / 1e9
             for detector in DETECTORS:
                 findings += detector(signal, sensor, time_s)
+            others = [(c.signal, c.sensor) for c in members if _is_beside(c.sensor, sensor)]
+            hits = find_hits(signal, sensor, others)
+            findings += judge_hits(hits, signal, float(time_s[-1] - time_s[0]), start)
     faulty = {finding.channel for finding in findings}
     findings += drifts(recording, machine, faulty)
     findings += clock_findings(clock or compare_clocks(recording, machine), machine)
     return findings
+
+
+def _is_beside(other: Sensor, sensor: Sensor) -> bool:
+    """Tell whether another channel comes in the same messages."""
+    return other.topic == sensor.topic and other.channel != sensor.channel
 
 
 def _by_logger(channels: list[_Channel]) -> dict[str, list[_Channel]]:

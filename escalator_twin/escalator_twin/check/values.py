@@ -14,7 +14,6 @@ from escalator_twin.signals import Finding, Floats, Signal
 # of a roller's impacts, which ring for the next samples, one in a million does so.
 SPIKE_RANGE = 2.0
 SPIKE_NEIGHBOURS = 6
-SPIKE_COUNT = 2  # so a single one is not told
 # ... and by this many standard deviations of the noise: force signals reach 7.6 by impacts.
 SPIKE_NOISE = 10.0
 MAINS_HZ = (50.0, 60.0)
@@ -173,21 +172,7 @@ def _clipped(values: Floats) -> NDArray[np.int64] | None:
     return hit
 
 
-def spikes(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
-    """Find isolated outliers: single samples far outside the range of those around them."""
-    hit = np.zeros(len(signal.values), dtype=bool)
-    for part in parts_of(signal, sensor):
-        hit |= spike_mask(part.values, max(part.noise, part.resolution / np.sqrt(12.0)))
-    n = int(hit.sum())
-    if n < SPIKE_COUNT:
-        return []
-    where = np.flatnonzero(hit)
-    size = float(np.abs(_neighbourhood(signal.values, where)[0]).max())
-    text = f'{n} isolated outliers, the largest of {size:.3g} {signal.unit}'
-    return [_finding('sensor_spikes', signal, time_s, int(where[0]), int(where[-1]), text)]
-
-
-def _neighbourhood(values: Floats, where: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def neighbourhood(values: Floats, where: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Return the samples at ``where``, and those around them, less the slope of those around.
 
     The slope is the median of the differences between neighbours: what rings keeps its range.
@@ -208,8 +193,17 @@ def _neighbourhood(values: Floats, where: NDArray[np.int64]) -> tuple[Floats, Fl
     return values[where] - level, around - level
 
 
-def spike_mask(values: Floats, noise: float) -> NDArray[np.bool_]:
-    """Tell of each sample whether it is a spike; ``noise`` is one standard deviation."""
+def spike_mask(values: Floats, noise: float, ranges: float = SPIKE_RANGE) -> NDArray[np.bool_]:
+    """Tell of each sample whether it is a spike.
+
+    Parameters
+    ----------
+    values : (n,) float64
+    noise : float
+        One standard deviation.
+    ranges : float, optional
+        How many times the range of the samples around a spike is outside of it.
+    """
     hit = np.zeros(len(values), dtype=bool)
     h = SPIKE_NEIGHBOURS
     if len(values) <= 2 * h or noise <= 0.0:
@@ -218,11 +212,11 @@ def spike_mask(values: Floats, noise: float) -> NDArray[np.bool_]:
     off = np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)
     where = np.flatnonzero(off > SPIKE_NOISE * noise) + 1
     where = where[(where >= h) & (where < len(values) - h)]
-    middle, around = _neighbourhood(values, where)
+    middle, around = neighbourhood(values, where)
     low, high = around.min(axis=0), around.max(axis=0)
     over = np.maximum(middle - high, low - middle)
     # a quiet neighbourhood has a range of its noise: 3.3 sigma for twelve samples
-    hit[where[(over > SPIKE_RANGE * (high - low)) & (over > SPIKE_NOISE * noise)]] = True
+    hit[where[(over > ranges * (high - low)) & (over > SPIKE_NOISE * noise)]] = True
     return hit
 
 
