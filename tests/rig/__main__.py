@@ -3,9 +3,11 @@
 import argparse
 from pathlib import Path
 
+from rig.hidden import write_hidden
 from rig.machine import Case
-from rig.make import Effect, Order, make, write
+from rig.make import Effect, make, Order, write
 from rig.samples import write_samples
+from rig.verify import verify
 
 
 def read_case(text: str) -> Case:
@@ -16,9 +18,9 @@ def read_case(text: str) -> Case:
 
 
 def read_value(text: str) -> object:
-    """Read a number, a list joined by ``+``, or a word."""
-    if '+' in text.strip('+'):
-        return [read_value(part) for part in text.split('+')]
+    """Read a number, a list joined by commas, or a word."""
+    if ',' in text:
+        return [read_value(part) for part in text.split(',') if part]
     for kind in (int, float):
         try:
             return kind(text)
@@ -37,8 +39,22 @@ def read_effect(cause: str | None, settings: list[str]) -> tuple[Effect, ...]:
     return (Effect(cause, location, parameters),)
 
 
-PLACES = ('link', 'links', 'axle', 'step', 'steps', 'side', 's_m', 's_from_m', 's_to_m',
-          'which', 'gauge', 'axis', 'channel', 'channels')
+PLACES = (
+    'link',
+    'links',
+    'axle',
+    'step',
+    'steps',
+    'side',
+    's_m',
+    's_from_m',
+    's_to_m',
+    'which',
+    'gauge',
+    'axis',
+    'channel',
+    'channels',
+)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -56,8 +72,17 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument('--start-s', type=float)
     one.add_argument('--machine-seed', type=int)
     one.add_argument('--nominal', action='store_true', help='no tolerances drawn')
-    samples = verbs.add_parser('samples', help='make the repository\'s sample recordings')
+    samples = verbs.add_parser('samples', help="make the repository's sample recordings")
     samples.add_argument('--out', type=Path, required=True)
+    many = verbs.add_parser('hidden', help='make recordings in which something is hidden')
+    many.add_argument('--n', type=int, required=True, help='machines')
+    many.add_argument('--seed', type=int, required=True)
+    many.add_argument('--out', type=Path, required=True)
+    many.add_argument('--recordings', type=int, default=1, help='recordings of each machine')
+    many.add_argument('--causes', nargs='*', help='take these in turn; clean for none')
+    checked = verbs.add_parser('verify', help='show the rig beside the seeded recordings')
+    checked.add_argument('--shared', type=Path, required=True)
+    checked.add_argument('--only', nargs='*', default=[], metavar='NAME')
     return root
 
 
@@ -65,11 +90,22 @@ def main() -> None:
     """Run the verb."""
     given = parser().parse_args()
     if given.verb == 'make':
-        order = Order(given.seed, given.case, given.duration, read_effect(given.cause, given.set),
-                      given.nominal, given.machine_seed, given.start_s)
+        order = Order(
+            given.seed,
+            given.case,
+            given.duration,
+            read_effect(given.cause, given.set),
+            given.nominal,
+            given.machine_seed,
+            given.start_s,
+        )
         write(make(order), given.out, given.truth)
     elif given.verb == 'samples':
         write_samples(given.out)
+    elif given.verb == 'hidden':
+        write_hidden(given.n, given.seed, given.out, given.recordings, given.causes)
+    elif given.verb == 'verify':
+        verify(given.shared, given.only)
 
 
 if __name__ == '__main__':

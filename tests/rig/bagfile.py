@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -90,10 +90,15 @@ class Encoder:
 
     def experiment(self, recording: Recording) -> bytes:
         message = self.kinds['escalator_msgs/msg/Experiment'](
-            header=self.header(recording.start_ns, ''), machine='prototype',
-            case_id=recording.case_id, set_speed=recording.set_speed_m_s,
-            direction=recording.direction, load_per_step=recording.load_kg,
-            preload=recording.preload_n, notes='')
+            header=self.header(recording.start_ns, ''),
+            machine='prototype',
+            case_id=recording.case_id,
+            set_speed=recording.set_speed_m_s,
+            direction=recording.direction,
+            load_per_step=recording.load_kg,
+            preload=recording.preload_n,
+            notes='',
+        )
         return bytes(self.store.serialize_cdr(message, 'escalator_msgs/msg/Experiment'))
 
     def row(self, series: Series, i: int) -> bytes:
@@ -102,10 +107,14 @@ class Encoder:
         if series.msgtype == IMU:
             x, y, z = (float(v) for v in values)
             message = self.kinds[IMU](
-                header=header, orientation=self.upright, orientation_covariance=self.absent,
-                angular_velocity=self.still, angular_velocity_covariance=self.absent,
+                header=header,
+                orientation=self.upright,
+                orientation_covariance=self.absent,
+                angular_velocity=self.still,
+                angular_velocity_covariance=self.absent,
                 linear_acceleration=self.kinds['geometry_msgs/msg/Vector3'](x=x, y=y, z=z),
-                linear_acceleration_covariance=self.variance)
+                linear_acceleration_covariance=self.variance,
+            )
         elif series.msgtype == 'escalator_msgs/msg/LinkStrain':
             link = series.topic.split('/')[-2]
             message = self.kinds[series.msgtype](header=header, link=link, strain=values)
@@ -123,14 +132,15 @@ def write_bag(recording: Recording, directory: Path) -> None:
     with writer:
         pass_on = {}
         first = writer.add_connection(
-            '/measured/experiment', 'escalator_msgs/msg/Experiment', typestore=encoder.store)
+            '/measured/experiment', 'escalator_msgs/msg/Experiment', typestore=encoder.store
+        )
         opened = min(int(series.bag_ns[0]) for series in recording.series) - EARLIER_NS
         writer.write(first, opened, encoder.experiment(recording))
         order = []
         for k, series in enumerate(recording.series):
             pass_on[k] = writer.add_connection(
-                series.topic, series.msgtype, typestore=encoder.store)
-            order.extend(zip(series.bag_ns.tolist(), [k] * series.bag_ns.size,
-                             range(series.bag_ns.size)))
+                series.topic, series.msgtype, typestore=encoder.store
+            )
+            order.extend((bag_ns, k, i) for i, bag_ns in enumerate(series.bag_ns.tolist()))
         for bag_ns, k, i in sorted(order):
             writer.write(pass_on[k], bag_ns, encoder.row(recording.series[k], i))

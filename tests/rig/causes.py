@@ -34,63 +34,68 @@ def changed(values: np.ndarray, where: list[int], change: Callable[[Any], Any]) 
     return result
 
 
-def tensioner_friction(model, _, size, rng):
+def tensioner_friction(model, _place, size, _rng):
     return model._replace(dry=float(size['force_N']))
 
 
-def tensioner_stiffness(model, _, size, rng):
+def tensioner_stiffness(model, _place, size, _rng):
     return model._replace(tens_k=model.tens_k * size['factor'])
 
 
-def tensioner_preload(model, _, size, rng):
+def tensioner_preload(model, _place, size, _rng):
     return model._replace(preload=model.preload * size['factor'])
 
 
-def tensioner_stop(model, _, size, rng):
+def tensioner_stop(model, _place, size, _rng):
     return model._replace(stop=float(size['displacement_m']))
 
 
-def link_elongation(model, place, size, rng):
+def link_elongation(model, place, size, _rng):
     where = ends_of(model, place['link'], 'both')
     return model._replace(rest=changed(model.rest, where, lambda v: v + size['length_m']))
 
 
-def chain_elongation(model, place, size, rng):
+def chain_elongation(model, place, size, _rng):
     half = model.mass.size // 2
     where = [e for a in SIDE_INDEX[place['side']] for e in range(a * half, (a + 1) * half)]
     return model._replace(rest=changed(model.rest, where, lambda v: v + size['length_m']))
 
 
-def link_stiffness(model, place, size, rng):
+def link_stiffness(model, place, size, _rng):
     where = ends_of(model, place['link'], place['side'])
     return model._replace(link_k=changed(model.link_k, where, lambda v: v * size['factor']))
 
 
-def roller_drag(model, place, size, rng):
+def roller_drag(model, place, size, _rng):
     where = ends_of(model, place['axle'], place['side'])
-    return model._replace(extra_drag=changed(model.extra_drag, where,
-                                             lambda v: v + size['force_N']))
+    return model._replace(
+        extra_drag=changed(model.extra_drag, where, lambda v: v + size['force_N'])
+    )
 
 
 def roller_eccentricity(model, place, size, rng):
     where = ends_of(model, place['axle'], place['side'])
     phase = size.get('phase_rad', rng.uniform(0.0, 2.0 * np.pi))
-    return model._replace(ecc=changed(model.ecc, where, lambda v: 0 * v + size['amplitude_m']),
-                          ecc_phase=changed(model.ecc_phase, where, lambda v: 0 * v + phase))
+    return model._replace(
+        ecc=changed(model.ecc, where, lambda v: 0 * v + size['amplitude_m']),
+        ecc_phase=changed(model.ecc_phase, where, lambda v: 0 * v + phase),
+    )
 
 
 def roller_flat(model, place, size, rng):
     where = ends_of(model, place['axle'], place['side'])
     phase = size.get('phase_rad', rng.uniform(0.0, 2.0 * np.pi))
-    return model._replace(flat=changed(model.flat, where, lambda v: 0 * v + size['depth_m']),
-                          flat_phase=changed(model.flat_phase, where, lambda v: 0 * v + phase))
+    return model._replace(
+        flat=changed(model.flat, where, lambda v: 0 * v + size['depth_m']),
+        flat_phase=changed(model.flat_phase, where, lambda v: 0 * v + phase),
+    )
 
 
-def rolling_resistance(model, _, size, rng):
+def rolling_resistance(model, _place, size, _rng):
     return model._replace(resistance=model.resistance * size['factor'])
 
 
-def friction_speed(model, _, size, rng):
+def friction_speed(model, _place, size, _rng):
     factor = 1.0 + size['rise'] * np.exp(-model.speed / size['speed_m_s'])
     return model._replace(resistance=model.resistance * factor)
 
@@ -109,16 +114,18 @@ def distance_on_loop(model: Model, s: np.ndarray, centre: float) -> np.ndarray:
 def guide_step(model, place, size, rng):
     length = size.get('length_m', rng.uniform(0.04, 0.08))
     away = distance_on_loop(model, table_s(model), place['s_m'])
-    bump = np.where(np.abs(away) < 0.5 * length,
-                    0.5 * (1.0 + np.cos(2.0 * np.pi * away / length)), 0.0)
+    bump = np.where(
+        np.abs(away) < 0.5 * length, 0.5 * (1.0 + np.cos(2.0 * np.pi * away / length)), 0.0
+    )
     normal = model.normal.copy()
     for a in SIDE_INDEX[place['side']]:
         normal[a] += size['height_m'] * bump
-    return model._replace(normal=normal,
-                          normal_slope=np.stack([slope(n, model.cell) for n in normal]))
+    return model._replace(
+        normal=normal, normal_slope=np.stack([slope(n, model.cell) for n in normal])
+    )
 
 
-def landing_length(model, _, size, rng):
+def landing_length(model, _place, size, _rng):
     """Lay the upper landing longer by ``delta_m`` on top of what this machine has."""
     lengths = np.diff(model.seg_start)
     sheet = Sheet()
@@ -126,8 +133,12 @@ def landing_length(model, _, size, rng):
     upper = lengths[4] - sheet.upper_landing_m + size['delta_m']
     path = lay_path(sheet, float(lower), float(upper))
     return model._replace(
-        seg_start=path.start, seg_x=path.x, seg_z=path.z, loop=float(path.start[-1]),
-        seg_scale=np.diff(path.design_start) / np.diff(path.start))
+        seg_start=path.start,
+        seg_x=path.x,
+        seg_z=path.z,
+        loop=float(path.start[-1]),
+        seg_scale=np.diff(path.design_start) / np.diff(path.start),
+    )
 
 
 def in_stretch(model: Model, place: Place) -> np.ndarray:
@@ -136,40 +147,44 @@ def in_stretch(model: Model, place: Place) -> np.ndarray:
     return (s >= a) & (s <= b) if a <= b else (s >= a) | (s <= b)
 
 
-def guide_drag(model, place, size, rng):
+def guide_drag(model, place, size, _rng):
     drag = model.stretch_drag + size['force_N'] * in_stretch(model, place)
     return model._replace(stretch_drag=drag)
 
 
-def drive_ripple(model, _, size, rng):
+def drive_ripple(model, _place, size, rng):
     return model._replace(
-        ripple=size['relative_amplitude'], ripple_per_m=size['cycles_per_pitch'] / model.pitch,
-        ripple_phase=size.get('phase_rad', rng.uniform(0.0, 2.0 * np.pi)))
+        ripple=size['relative_amplitude'],
+        ripple_per_m=size['cycles_per_pitch'] / model.pitch,
+        ripple_phase=size.get('phase_rad', rng.uniform(0.0, 2.0 * np.pi)),
+    )
 
 
-def drive_hunting(model, _, size, rng):
+def drive_hunting(model, _place, size, rng):
     return model._replace(
-        hunting=size['relative_amplitude'], hunting_hz=size['frequency_hz'],
-        hunting_phase=size.get('phase_rad', rng.uniform(0.0, 2.0 * np.pi)))
+        hunting=size['relative_amplitude'],
+        hunting_hz=size['frequency_hz'],
+        hunting_phase=size.get('phase_rad', rng.uniform(0.0, 2.0 * np.pi)),
+    )
 
 
-def drive_stiffness(model, _, size, rng):
+def drive_stiffness(model, _place, size, _rng):
     return model._replace(drive_k=model.drive_k * size['factor'])
 
 
-def load_distribution(model, place, size, rng):
+def load_distribution(model, place, size, _rng):
     half = model.mass.size // 2
     where = [a * half + int(step) for step in place['steps'] for a in (0, 1)]
     return model._replace(load=changed(model.load, where, lambda v: v * size['load_factor']))
 
 
-def load_offset(model, _, size, rng):
+def load_offset(model, _place, size, _rng):
     half = model.mass.size // 2
     share = np.repeat([2.0 * size['left_share'], 2.0 - 2.0 * size['left_share']], half)
     return model._replace(load=model.load * share)
 
 
-def step_mass(model, place, size, rng):
+def step_mass(model, place, size, _rng):
     """Put the step's extra mass on the four axle ends that carry it."""
     half = model.mass.size // 2
     first = int(place['step'])
@@ -177,11 +192,16 @@ def step_mass(model, place, size, rng):
     return model._replace(mass=changed(model.mass, where, lambda v: v + 0.25 * size['delta_kg']))
 
 
-def truss_resonance(model, _, size, rng):
+def truss_resonance(model, _place, size, _rng):
     omega = 2.0 * np.pi * size['frequency_hz']
     mass = size['modal_mass_kg']
-    return model._replace(mode_x=0.0, mode_z=1.0, mode_mass=mass, mode_k=mass * omega**2,
-                          mode_c=2.0 * size['damping_ratio'] * mass * omega)
+    return model._replace(
+        mode_x=0.0,
+        mode_z=1.0,
+        mode_mass=mass,
+        mode_k=mass * omega**2,
+        mode_c=2.0 * size['damping_ratio'] * mass * omega,
+    )
 
 
 MACHINE_CAUSES: dict[str, Alter] = {

@@ -5,19 +5,22 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.guide import TABLE_STEP_M, lay_path, read_survey
-from rig.machine import SURVEY, Case, nominal, slope
+from rig.guide import read_survey, TABLE_STEP_M
+from rig.machine import Case, nominal, slope, SURVEY
 from rig.model import Model
 from rig.sheet import Sheet
 
 FloatArray = NDArray[np.float64]
 
 SURVEY_ERROR_M = 5e-5  # m, data sheet, one standard deviation
-WAVE_AMPLITUDE_M = {'normal': 1.48e-5, 'lateral': 2.5e-5}  # m, see rail_spectrum
-SHORTEST_WAVE_M = 0.05  # m, shorter ones are bridged by the roller's contact patch and tread
+WAVE_AMPLITUDE_M = {'normal': 2.1e-5, 'lateral': 3.5e-5}  # m at one wave per metre, as surveyed
+SURVEYED_WAVE_M = 0.125  # m; the reference rig's rail has no shorter waves (docs/generator.md)
+SHORTEST_WAVE_M = 0.05  # m
+SHORT_SHARE = 0.3  # -, of the spectrum's continuation, in waves between these two lengths
 WANDER = 0.002  # -, data sheet, largest slow wander of the speed
 WANDER_PERIODS_S = (32.0, 90.0)  # s
 WANDER_WAVES = 3
+WANDER_STEP_S = 0.1  # s, between the wander's table entries
 LARGEST_SPEED_ERROR = 0.07  # -, data sheet
 
 
@@ -41,10 +44,19 @@ class Tolerances:
 
 
 SPREAD = {  # one standard deviation, data sheet
-    'mass': 0.01, 'link_stiffness': 0.05, 'link_damping': 0.3, 'racking_stiffness': 0.2,
-    'contact_stiffness': 0.1, 'rolling_resistance': 0.1, 'drive_stiffness': 0.1,
-    'tensioner_stiffness': 0.02, 'tensioner_damping': 0.15, 'preload': 0.02, 'load': 0.01,
-    'lower_landing_m': 1e-3, 'upper_landing_m': 1e-3,
+    'mass': 0.01,
+    'link_stiffness': 0.05,
+    'link_damping': 0.3,
+    'racking_stiffness': 0.2,
+    'contact_stiffness': 0.1,
+    'rolling_resistance': 0.1,
+    'drive_stiffness': 0.1,
+    'tensioner_stiffness': 0.02,
+    'tensioner_damping': 0.15,
+    'preload': 0.02,
+    'load': 0.01,
+    'lower_landing_m': 1e-3,
+    'upper_landing_m': 1e-3,
 }
 LARGEST_DRAW = 2.5  # standard deviations; a machine further out is not within tolerance
 
@@ -60,65 +72,80 @@ def draw_tolerances(rng: np.random.Generator) -> Tolerances:
 
 def build(sheet: Sheet, case: Case, speed_m_s: float, drawn: Tolerances) -> Model:
     """Return the machine with these tolerances, its guide as surveyed."""
-    model = nominal(sheet, case, speed_m_s, smooth=True, lower_m=drawn.lower_landing_m,
-                    upper_m=drawn.upper_landing_m)
+    model = nominal(
+        sheet,
+        case,
+        speed_m_s,
+        smooth=True,
+        lower_m=drawn.lower_landing_m,
+        upper_m=drawn.upper_landing_m,
+    )
     return model._replace(
-        mass=model.mass * drawn.mass, lat_mass=model.lat_mass * drawn.mass,
-        link_k=model.link_k * drawn.link_stiffness, link_c=model.link_c * drawn.link_damping,
+        mass=model.mass * drawn.mass,
+        lat_mass=model.lat_mass * drawn.mass,
+        link_k=model.link_k * drawn.link_stiffness,
+        link_c=model.link_c * drawn.link_damping,
         rack_k=model.rack_k * drawn.racking_stiffness,
         contact_k=model.contact_k * drawn.contact_stiffness,
         resistance=model.resistance * drawn.rolling_resistance,
         drive_k=model.drive_k * drawn.drive_stiffness,
         tens_k=model.tens_k * drawn.tensioner_stiffness,
         tens_c=model.tens_c * drawn.tensioner_damping,
-        preload=model.preload * drawn.preload, load=model.load * drawn.load)
+        preload=model.preload * drawn.preload,
+        load=model.load * drawn.load,
+    )
 
 
-def draw_rail(rng: np.random.Generator, values: FloatArray, length_m: float,
-              amplitude_m: float) -> FloatArray:
-    """Draw a true rail, given what the survey says of it, onto the rig's table.
+def true_rail(
+    values: FloatArray, length_m: float, amplitude_m: float, rng: np.random.Generator | None
+) -> FloatArray:
+    """Return a true rail, given what the survey says of it, on the rig's table.
 
     The true deviation's amplitude per wave falls as 1 / (waves per metre), as the survey's
     own spectrum does below 4 per metre; the survey adds white errors.  Each wave is drawn
-    from its posterior (Wiener's gain and what it leaves open), waves shorter than the survey
-    resolves from the prior alone.
+    from its posterior (Wiener's gain and what it leaves open), shorter waves from a share of
+    the prior.  Without a generator: the posterior's mean.
     """
     rows = values.size
-    table = int(round(length_m / TABLE_STEP_M))
+    table = round(length_m / TABLE_STEP_M)
     surveyed = np.fft.rfft(values) / rows
     waves = int(length_m / SHORTEST_WAVE_M) + 1
     true = np.zeros(table // 2 + 1, complex)
     noise = SURVEY_ERROR_M**2 / rows  # variance of a complex coefficient
     for k in range(1, waves):
-        prior = 0.5 * (amplitude_m * length_m / k)**2
-        draw = complex(rng.normal(), rng.normal()) * np.sqrt(0.5)
-        if k < surveyed.size - 1:
+        prior = 0.5 * (amplitude_m * length_m / k) ** 2
+        draw = 0.0 if rng is None else complex(rng.normal(), rng.normal()) * np.sqrt(0.5)
+        if length_m / k > SURVEYED_WAVE_M:
             gain = prior / (prior + noise)
             true[k] = gain * surveyed[k] + np.sqrt(gain * noise) * draw
         else:
-            true[k] = np.sqrt(prior) * draw
+            true[k] = SHORT_SHARE * np.sqrt(prior) * draw
     true[0] = surveyed[0]
     return np.fft.irfft(true, table) * table
 
 
-def lay_rails(model: Model, rng: np.random.Generator) -> Model:
-    """Give the machine a drawn true guide: one for both sides, as the data sheet has it."""
+def lay_rails(model: Model, rng: np.random.Generator | None) -> Model:
+    """Give the machine a true guide, drawn or the likeliest: one for both sides."""
     survey = read_survey(SURVEY)
     length = model.cell * model.lateral.size
-    normal = draw_rail(rng, survey[:, 1], length, WAVE_AMPLITUDE_M['normal'])
-    lateral = draw_rail(rng, survey[:, 2], length, WAVE_AMPLITUDE_M['lateral'])
+    normal = true_rail(survey[:, 1], length, WAVE_AMPLITUDE_M['normal'], rng)
+    lateral = true_rail(survey[:, 2], length, WAVE_AMPLITUDE_M['lateral'], rng)
     return model._replace(
         normal=np.stack([normal, normal]),
         normal_slope=np.stack([slope(normal, model.cell)] * 2),
-        lateral=lateral, lateral_slope=slope(lateral, model.cell))
+        lateral=lateral,
+        lateral_slope=slope(lateral, model.cell),
+    )
 
 
-def draw_wander(rng: np.random.Generator) -> FloatArray:
-    """Draw the slow wander: (waves, 3) relative amplitude, frequency (Hz), phase (rad)."""
+def draw_wander(rng: np.random.Generator, duration_s: float) -> FloatArray:
+    """Draw the slow wander: relative speed, ``WANDER_STEP_S`` apart, mean zero in sum."""
     share = rng.dirichlet(np.ones(WANDER_WAVES)) * WANDER * rng.uniform(0.3, 1.0)
     period = rng.uniform(*WANDER_PERIODS_S, WANDER_WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WANDER_WAVES)
-    return np.stack([share, 1.0 / period, phase], axis=1)
+    time_s = np.arange(int(duration_s / WANDER_STEP_S) + 2) * WANDER_STEP_S
+    waves = share[:, None] * np.sin(2.0 * np.pi * time_s / period[:, None] + phase[:, None])
+    return waves.sum(axis=0)
 
 
 def draw_speed(rng: np.random.Generator, set_speed_m_s: float) -> float:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.instruments import LINKS, Instruments
+from rig.instruments import Instruments, LINKS
 from rig.recording import Signals
 
 Place = dict[str, Any]
@@ -24,8 +24,9 @@ def same_kit(kit: Instruments, _place: Place, _size: Size) -> Instruments:
     return kit
 
 
-def same_signals(signals: Signals, _place: Place, _size: Size,
-                 _rng: np.random.Generator) -> Signals:
+def same_signals(
+    signals: Signals, _place: Place, _size: Size, _rng: np.random.Generator
+) -> Signals:
     """Leave the samples as they are."""
     return signals
 
@@ -99,8 +100,9 @@ def data_gap(signals, place, size, _rng):
     return replace(signals, keep=keep)
 
 
-def spikes(rng: np.random.Generator, size: int, count: int,
-           span: tuple[float, float]) -> np.ndarray:
+def spikes(
+    rng: np.random.Generator, size: int, count: int, span: tuple[float, float]
+) -> np.ndarray:
     """Return isolated outliers of either sign at random samples."""
     result = np.zeros(size)
     where = rng.choice(size, count, replace=False)

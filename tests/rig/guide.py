@@ -105,10 +105,23 @@ def tabulate(s: FloatArray, values: FloatArray, length_m: float, smooth: bool) -
     -------
     (cells,) m, at multiples of ``length_m / cells``, the last just before the seam.
     """
-    cells = int(round(length_m / TABLE_STEP_M))
+    cells = round(length_m / TABLE_STEP_M)
     grid = np.arange(cells) * (length_m / cells)
     closed_s = np.append(s, length_m)
     closed = np.append(values, values[0])
     if smooth:
         return CubicSpline(closed_s, closed, bc_type='periodic')(grid)
     return np.interp(grid, closed_s, closed)
+
+
+def point(path: Path2d, s: float) -> tuple[float, float]:
+    """Return x and z (m) of the path at ``s`` (m) in 0 .. loop."""
+    k = min(int(np.searchsorted(path.start, s, side='right')) - 1, 11)
+    along, bend, heading = s - path.start[k], path.curvature[k], path.heading[k]
+    if bend == 0.0:
+        return path.x[k] + along * np.cos(heading), path.z[k] + along * np.sin(heading)
+    turned = heading + bend * along
+    return (
+        path.x[k] + (np.sin(turned) - np.sin(heading)) / bend,
+        path.z[k] - (np.cos(turned) - np.cos(heading)) / bend,
+    )

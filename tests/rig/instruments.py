@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from rig.bagfile import IMU, NS, Recording, Series
+from rig.bagfile import NS
 from rig.model import RECORD
 from rig.sheet import Sheet
 
@@ -81,8 +81,9 @@ def link_strains(rows: FloatArray, sheet: Sheet) -> FloatArray:
     for k, link in enumerate(LINKS):
         side, first = link[:-2], {'a': 0, 'b': 30}[link[-1]]
         axial = rows[:, column[f'force_{link}']] / sheet.section_stiffness_n
-        bend = BENDING * (rows[:, column[f'n_{side}_{first}']]
-                          + rows[:, column[f'n_{side}_{first + 1}']])
+        bend = BENDING * (
+            rows[:, column[f'n_{side}_{first}']] + rows[:, column[f'n_{side}_{first + 1}']]
+        )
         strains[k] = axial[:, None] + bend[:, None] * np.array([1.0, -1.0, 1.0, -1.0])
     return strains
 
@@ -106,8 +107,14 @@ def quantise(values: FloatArray, step: float) -> FloatArray:
     return np.round(values / step) * step
 
 
-def sample_strains(rows: FloatArray, time_s: FloatArray, kit: Instruments, sheet: Sheet,
-                   rng: np.random.Generator, extra: FloatArray) -> FloatArray:
+def sample_strains(
+    rows: FloatArray,
+    time_s: FloatArray,
+    kit: Instruments,
+    sheet: Sheet,
+    rng: np.random.Generator,
+    extra: FloatArray,
+) -> FloatArray:
     """Return the strains as the gauges see them, before resolution: (4, n, 4)."""
     strains = (link_strains(rows, sheet) + extra) * kit.gauge_gain[:, None, :]
     for k in range(4):
@@ -116,8 +123,9 @@ def sample_strains(rows: FloatArray, time_s: FloatArray, kit: Instruments, sheet
     return strains + rng.normal(0.0, STRAIN_NOISE, strains.shape)
 
 
-def sample_acceleration(rows: FloatArray, kit: Instruments, sheet: Sheet,
-                        rng: np.random.Generator) -> FloatArray:
+def sample_acceleration(
+    rows: FloatArray, kit: Instruments, sheet: Sheet, rng: np.random.Generator
+) -> FloatArray:
     """Return the specific force in the sensor's axes, before resolution: (n, 3)."""
     turn = Rotation.from_rotvec(kit.rotation_deg, degrees=True)
     seen = turn.inv().apply(specific_force(rows, sheet)) + kit.bias_m_s2
@@ -129,8 +137,7 @@ def stamps(time_s: FloatArray, offset_s: float, drift: float) -> NDArray[np.int6
     return EPOCH_NS + np.round((time_s * (1.0 + drift) + offset_s) * NS).astype(np.int64)
 
 
-def bag_times(time_s: FloatArray, kit: Instruments,
-              rng: np.random.Generator) -> NDArray[np.int64]:
+def bag_times(time_s: FloatArray, kit: Instruments, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return the recorder's times (ns) of packets that were taken at the given true times."""
     late = LATENCY_S + np.abs(rng.normal(0.0, JITTER_S, time_s.size))
     return stamps(time_s + late, kit.recorder_offset_s, kit.recorder_drift)

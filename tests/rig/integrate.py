@@ -1,21 +1,44 @@
 """March the machine with the classical Runge-Kutta scheme of fourth order, compiled."""
 
+from collections.abc import Callable
+from hashlib import sha256
 import math
+from pathlib import Path
 
 from numba import njit
 import numpy as np
+from numpy.typing import NDArray
 
-from rig.dynamics import (
-    CARRIED, DOG, ENGAGED, FN, FT, FX, FZ, LAPS, MARK_ROWS, MODE, NO_DOG, NORMAL, RACK,
-    S_DESIGN, SEGMENT, TAIL, TENSION, U, U_RATE, VX, WORK_ROWS, X, Z, COS, SIN, dog_offset,
-    ramp, rates,
+from rig.dynamics import rates
+from rig.forcing import dog_offset
+from rig.layout import (
+    CARRIED,
+    COS,
+    DOG,
+    FN,
+    FT,
+    LAPS,
+    MODE,
+    NO_DOG,
+    NORMAL,
+    RACK,
+    S_DESIGN,
+    SEGMENT,
+    SIN,
+    TENSION,
+    U,
+    U_RATE,
+    WORK_ROWS,
+    X,
+    Z,
 )
 from rig.model import RECORD
 
+FloatArray = NDArray[np.float64]
 COLUMNS = len(RECORD)
 
 
-@njit(cache=True)
+@njit
 def hand_over(model, y, marks):
     """Pass axle ends between fixed rails and carriage, and round the seam."""
     ends = model.mass.size
@@ -42,7 +65,7 @@ def hand_over(model, y, marks):
             y[e] = s + u
 
 
-@njit(cache=True)
+@njit
 def engage(model, y, marks, slip, work):
     """Give each axle end that enters the drive its nearest dog; let overloaded dogs slip."""
     ends = model.mass.size
@@ -54,7 +77,7 @@ def engage(model, y, marks, slip, work):
             slip[e] = 0.0
             continue
         if marks[DOG, e] == NO_DOG:
-            marks[DOG, e] = int(round((s - rack) / model.pitch))
+            marks[DOG, e] = round((s - rack) / model.pitch)
         dog = marks[DOG, e]
         stretch = rack + dog * model.pitch + slip[e] + dog_offset(model, dog) - s
         most = model.slip_force / model.drive_k
@@ -62,8 +85,8 @@ def engage(model, y, marks, slip, work):
             slip[e] -= stretch - math.copysign(most, stretch)
 
 
-@njit(cache=True)
-def record(model, y, marks, work, dy, row):
+@njit
+def record(model, y, work, dy, row):
     """Write one row of ``RECORD`` from the state and its accelerations."""
     ends = model.mass.size
     half = ends // 2
@@ -93,29 +116,44 @@ def record(model, y, marks, work, dy, row):
     row[14] = 0.5 * roll
 
 
-@njit(cache=True)
-def march(model, y, marks, slip, t0, step, n_steps, every):
-    """Integrate ``n_steps`` steps in place; return a row of ``RECORD`` every ``every``."""
-    work = np.zeros((WORK_ROWS, model.mass.size))
-    k1, k2, k3, k4 = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y), np.zeros_like(y)
-    at = np.zeros_like(y)
-    rows = np.zeros((n_steps // every, COLUMNS))
-    for i in range(n_steps):
-        t = t0 + i * step
-        rates(model, t, y, marks, slip, work, k1)
-        engage(model, y, marks, slip, work)
-        if i % every == 0 and i // every < rows.shape[0]:
-            record(model, y, marks, work, k1, rows[i // every])
-        for j in range(y.size):
-            at[j] = y[j] + 0.5 * step * k1[j]
-        rates(model, t + 0.5 * step, at, marks, slip, work, k2)
-        for j in range(y.size):
-            at[j] = y[j] + 0.5 * step * k2[j]
-        rates(model, t + 0.5 * step, at, marks, slip, work, k3)
-        for j in range(y.size):
-            at[j] = y[j] + step * k3[j]
-        rates(model, t + step, at, marks, slip, work, k4)
-        for j in range(y.size):
-            y[j] += step / 6.0 * (k1[j] + 2.0 * (k2[j] + k3[j]) + k4[j])
-        hand_over(model, y, marks)
-    return rows
+def compiled_march(source: str) -> Callable[..., FloatArray]:
+    """Return the compiled time loop; ``source`` is part of its key in numba's cache.
+
+    Only this function is cached, with all that it calls.  Numba looks at its file only:
+    without the key, a change of another file would leave the old machine in the cache.
+    """
+
+    @njit(cache=True)
+    def march(model, y, marks, slip, t0, step, n_steps, every):
+        """Integrate ``n_steps`` steps in place; return a row of ``RECORD`` every ``every``."""
+        work = np.zeros((WORK_ROWS + len(source) * 0, model.mass.size))
+        k1, k2, k3, k4 = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y), np.zeros_like(y)
+        at = np.zeros_like(y)
+        rows = np.zeros((n_steps // every, COLUMNS))
+        for i in range(n_steps):
+            t = t0 + i * step
+            rates(model, t, y, marks, slip, work, k1)
+            engage(model, y, marks, slip, work)
+            if i % every == 0 and i // every < rows.shape[0]:
+                record(model, y, work, k1, rows[i // every])
+            for j in range(y.size):
+                at[j] = y[j] + 0.5 * step * k1[j]
+            rates(model, t + 0.5 * step, at, marks, slip, work, k2)
+            for j in range(y.size):
+                at[j] = y[j] + 0.5 * step * k2[j]
+            rates(model, t + 0.5 * step, at, marks, slip, work, k3)
+            for j in range(y.size):
+                at[j] = y[j] + step * k3[j]
+            rates(model, t + step, at, marks, slip, work, k4)
+            for j in range(y.size):
+                y[j] += step / 6.0 * (k1[j] + 2.0 * (k2[j] + k3[j]) + k4[j])
+            hand_over(model, y, marks)
+        return rows
+
+    return march
+
+
+SOURCES = ('dynamics.py', 'forcing.py', 'integrate.py', 'layout.py', 'model.py')
+march = compiled_march(
+    ''.join(sha256(Path(__file__).with_name(name).read_bytes()).hexdigest() for name in SOURCES)
+)

@@ -1,6 +1,6 @@
 """Make one recording and its truth from a seed."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 import json
 from pathlib import Path
 from typing import Any
@@ -11,18 +11,28 @@ from numpy.typing import NDArray
 from rig.bagfile import Recording, write_bag
 from rig.causes import MACHINE_CAUSES
 from rig.draw import (
-    Tolerances, as_truth, build, draw_speed, draw_tolerances, draw_wander, lay_rails,
+    as_truth,
+    build,
+    draw_speed,
+    draw_tolerances,
+    draw_wander,
+    lay_rails,
+    Tolerances,
+    WANDER_STEP_S,
 )
 from rig.faults import FAULTS
-from rig.instruments import Instruments, draw_instruments
+from rig.instruments import draw_instruments, Instruments
 from rig.machine import Case
-from rig.model import RECORD, Model
-from rig.recording import Signals, record, sample
+from rig.model import Model, RECORD
+from rig.recording import record, sample, Signals
 from rig.run import ROW_S, run
 from rig.sheet import Sheet
-from rig.unlisted import UNLISTED
+from rig.unlisted import UNLISTED, UNLISTED_FAULTS
 
+ALTERATIONS = {**MACHINE_CAUSES, **UNLISTED}
+ALL_FAULTS = {**FAULTS, **UNLISTED_FAULTS}
 SETTLE_S = 12.0  # s, until the start-up's transient is below the instruments' noise
+PILOT_S = 4.0  # s, two pitches at the lower speed
 STREAMS = ('machine', 'rail', 'run', 'instruments', 'effects', 'noise')
 
 
@@ -43,7 +53,7 @@ class Order:
     case: Case
     duration_s: float = 110.0
     effects: tuple[Effect, ...] = ()
-    is_nominal: bool = False  # no draw of tolerances, rails as surveyed
+    is_nominal: bool = False  # no draw of tolerances, the likeliest rails
     machine_seed: int | None = None  # several recordings of one machine share it
     start_s_m: float | None = None
 
@@ -70,11 +80,11 @@ class Made:
 def apply_effects(model: Model, order: Order, rng: np.random.Generator) -> Model:
     """Put the machine's effects into the model, in the order given."""
     for effect in order.effects:
-        alter = MACHINE_CAUSES.get(effect.cause) or UNLISTED.get(effect.cause)
+        alter = ALTERATIONS.get(effect.cause)
         if alter is not None:
             model = alter(model, effect.location, effect.parameters, rng)
-        elif effect.cause not in FAULTS:
-            known = sorted([*MACHINE_CAUSES, *UNLISTED, *FAULTS])
+        elif effect.cause not in ALL_FAULTS:
+            known = sorted([*ALTERATIONS, *ALL_FAULTS])
             raise ValueError(f'unknown cause {effect.cause!r}; known: {", ".join(known)}')
     return model
 
@@ -87,9 +97,11 @@ def make(order: Order) -> Made:
     speed = draw_speed(rng['run'], order.case.speed_m_s)
     start = rng['run'].uniform(0.0, 24.4)
     start = start if order.start_s_m is None else order.start_s_m
-    model = build(sheet, order.case, speed, drawn)._replace(wander=draw_wander(rng['run']))
-    if not order.is_nominal:
-        model = lay_rails(model, rng['rail'])
+    model = build(sheet, order.case, speed, drawn)._replace(
+        wander=draw_wander(rng['run'], order.duration_s), wander_step=WANDER_STEP_S
+    )
+    model = lay_rails(model, None if order.is_nominal else rng['rail'])
+    order = resolve_stop(order, model, start)
     model = apply_effects(model, order, rng['effects'])
     rows = run(model, start, SETTLE_S, order.duration_s)
     kit = draw_instruments(rng['instruments'])
@@ -98,45 +110,83 @@ def make(order: Order) -> Made:
     return Made(recording, truth_of(order, drawn, model, kit, rows, signals), rows)
 
 
-def apply_faults(rows: NDArray[np.float64], kit: Instruments, order: Order, sheet: Sheet,
-                 rng: dict[str, np.random.Generator]) -> tuple[Signals, Instruments]:
+def resolve_stop(order: Order, model: Model, start: float) -> Order:
+    """Turn a stop at a share of the motion into a displacement, by a run without it.
+
+    ``share_of_motion`` is 0 at the motion's mean and 1 at its outermost point.
+    """
+    effects = []
+    for effect in order.effects:
+        share = effect.parameters.get('share_of_motion')
+        if share is not None:
+            u = run(model, start, SETTLE_S, PILOT_S)[:, RECORD.index('u')]
+            middle = 0.5 * (u.max() + u.min())
+            met = float(middle + share * (u.max() - middle))
+            effect = replace(effect, parameters={'displacement_m': met})
+        effects.append(effect)
+    return replace(order, effects=tuple(effects))
+
+
+def apply_faults(
+    rows: NDArray[np.float64],
+    kit: Instruments,
+    order: Order,
+    sheet: Sheet,
+    rng: dict[str, np.random.Generator],
+) -> tuple[Signals, Instruments]:
     """Sample the machine with instruments that have the ordered faults."""
-    faults = [e for e in order.effects if e.cause in FAULTS]
+    faults = [e for e in order.effects if e.cause in ALL_FAULTS]
     for effect in faults:
-        kit = FAULTS[effect.cause].kit(kit, effect.location, effect.parameters)
+        kit = ALL_FAULTS[effect.cause].kit(kit, effect.location, effect.parameters)
     signals = sample(rows, kit, sheet, rng['noise'])
     for effect in faults:
-        signals = FAULTS[effect.cause].signals(
-            signals, effect.location, effect.parameters, rng['effects'])
+        signals = ALL_FAULTS[effect.cause].signals(
+            signals, effect.location, effect.parameters, rng['effects']
+        )
     return signals, kit
 
 
 def header(order: Order) -> Recording:
     """Return the recording without its messages."""
     case = order.case
-    words = ('high' if case.speed_m_s > 0.375 else 'low', 'up' if case.direction > 0 else 'down',
-             'full' if case.load_kg > 0.0 else 'empty', 'hi' if case.preload_n > 4500 else 'lo')
-    return Recording(0, '_'.join(words), case.speed_m_s, case.direction, case.load_kg,
-                     case.preload_n, ())
+    words = (
+        'high' if case.speed_m_s > 0.375 else 'low',
+        'up' if case.direction > 0 else 'down',
+        'full' if case.load_kg > 0.0 else 'empty',
+        'hi' if case.preload_n > 4500 else 'lo',
+    )
+    return Recording(
+        0, '_'.join(words), case.speed_m_s, case.direction, case.load_kg, case.preload_n, ()
+    )
 
 
-def truth_of(order: Order, drawn: Tolerances, model: Model, kit: Instruments,
-             rows: NDArray[np.float64], signals: Signals) -> dict[str, Any]:
+def truth_of(
+    order: Order,
+    drawn: Tolerances,
+    model: Model,
+    kit: Instruments,
+    rows: NDArray[np.float64],
+    signals: Signals,
+) -> dict[str, Any]:
     """Return what only scoring may read."""
     column = {name: k for k, name in enumerate(RECORD)}
-    first = int(round(signals.onboard_s[0] / ROW_S))
+    first = round(signals.onboard_s[0] / ROW_S)
     ends = rows[first, [column['s_left'], column['s_right']]]
     loop = model.cell * model.lateral.size
     behind = (ends[1] - ends[0] + 0.5 * loop) % loop - 0.5 * loop
     duration = (rows.shape[0] - 1) * ROW_S
     travel = rows[-1, column['rack']] - rows[0, column['rack']]
     return {
-        'schema': 'rig/truth/1', 'seed': order.seed, 'machine_seed': order.machine_seed,
-        'case': asdict(order.case), 'effects': [asdict(e) for e in order.effects],
+        'schema': 'rig/truth/1',
+        'seed': order.seed,
+        'machine_seed': order.machine_seed,
+        'case': asdict(order.case),
+        'effects': [asdict(e) for e in order.effects],
         'speed_m_s': float(abs(travel) / duration),
         'start_s_m': float((ends[0] + 0.5 * behind) % loop),
         'clock': {'offset_s': kit.clock_offset_s, 'drift_ppm': 1e6 * kit.clock_drift},
-        'wander': model.wander.tolist(), 'tolerances': as_truth(drawn),
+        'wander': model.wander[::50].round(7).tolist(),
+        'tolerances': as_truth(drawn),
         'instruments': {k: np.asarray(v).tolist() for k, v in asdict(kit).items()},
     }
 

@@ -8,13 +8,16 @@ import shutil
 import yaml
 
 from rig.machine import Case
-from rig.make import Effect, Order, make, write
+from rig.make import Effect, make, Order, write
 
 SAMPLES: dict[str, Order] = {
     'sample_clean': Order(101, Case(0.5, 1, 75.0, 6000.0), duration_s=65.0),
     'sample_guide_step': Order(
-        102, Case(0.5, 1, 0.0, 3000.0), duration_s=65.0,
-        effects=(Effect('guide_step', {'s_m': 16.2, 'side': 'left'}, {'height_m': 1.5e-3}),)),
+        102,
+        Case(0.5, 1, 0.0, 3000.0),
+        duration_s=65.0,
+        effects=(Effect('guide_step', {'s_m': 9.8, 'side': 'left'}, {'height_m': 1.5e-3}),),
+    ),
 }
 
 
@@ -27,9 +30,13 @@ def entry(name: str, directory: Path, truth: dict) -> dict:
     """Return a sample's line of the manifest."""
     file = directory / f'{name}.mcap'
     return {
-        'file': f'{name}/{name}.mcap', 'sha256': digest(file), 'bytes': file.stat().st_size,
-        'duration_s': SAMPLES[name].duration_s, 'seed': SAMPLES[name].seed,
-        'effects': truth['effects'], 'made_by': 'cd tests && python -m rig samples --out ../bags',
+        'file': f'{name}/{name}.mcap',
+        'sha256': digest(file),
+        'bytes': file.stat().st_size,
+        'duration_s': SAMPLES[name].duration_s,
+        'seed': SAMPLES[name].seed,
+        'effects': truth['effects'],
+        'made_by': 'cd tests && python -m rig samples --out ../bags',
     }
 
 

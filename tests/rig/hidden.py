@@ -1,0 +1,92 @@
+"""Make a set of recordings in which something is hidden, the truth apart."""
+
+from dataclasses import dataclass
+import json
+from pathlib import Path
+
+import numpy as np
+
+from rig.catalogue import draw_effect, KINDS, LISTED, NOT_LISTED, SHARES
+from rig.machine import Case
+from rig.make import Effect, make, Order, write
+
+CLEAN_SHARE, UNLISTED_SHARE = 0.15, 0.15  # -, of the machines
+SPEEDS_M_S, LOADS_KG, PRELOADS_N = (0.25, 0.5), (0.0, 75.0), (3000.0, 6000.0)
+DURATION_S = {0.25: 165.0, 0.5: 110.0}  # s, more than a loop and a half, as the campaign's
+SEED_STEP = 1000  # recordings of one set have seeds of their own
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One machine of the set: what is hidden, and its recordings' orders."""
+
+    name: str
+    cause: str | None
+    size: str | None
+    orders: tuple[Order, ...]
+
+
+def draw_case(rng: np.random.Generator, needs_load: bool) -> Case:
+    """Draw one of the 16 experiments, a loaded one where it is needed."""
+    load = LOADS_KG[1] if needs_load else float(rng.choice(LOADS_KG))
+    return Case(
+        float(rng.choice(SPEEDS_M_S)),
+        int(rng.choice((1, -1))),
+        load,
+        float(rng.choice(PRELOADS_N)),
+    )
+
+
+def draw_cause(rng: np.random.Generator) -> str | None:
+    """Draw nothing, a cause of the list, or one that is on none."""
+    kind = rng.uniform()
+    if kind < CLEAN_SHARE:
+        return None
+    names = list(NOT_LISTED) if kind < CLEAN_SHARE + UNLISTED_SHARE else list(LISTED)
+    return names[int(rng.integers(len(names)))]
+
+
+def plan(index: int, seed: int, recordings: int, causes: list[str] | None = None) -> Plan:
+    """Draw one machine of the set; ``causes`` are taken in turn instead of drawn."""
+    rng = np.random.default_rng([seed, index])
+    cause = causes[index % len(causes)] if causes else draw_cause(rng)
+    cause = None if cause == 'clean' else cause
+    size = None
+    effects: tuple[Effect, ...] = ()
+    needs_load = False
+    if cause is not None:
+        size = list(SHARES)[int(rng.integers(len(SHARES)))] if KINDS[cause].has_size else None
+        effects = (draw_effect(rng, cause, SHARES[size] if size else 1.0),)
+        needs_load = KINDS[cause].needs_load
+    first = seed * SEED_STEP + index * recordings
+    orders = []
+    for k in range(recordings):
+        case = draw_case(rng, needs_load)
+        orders.append(
+            Order(first + k, case, DURATION_S[case.speed_m_s], effects, machine_seed=first)
+        )
+    return Plan(f'machine_{index:03d}', cause, size, tuple(orders))
+
+
+def write_plan(chosen: Plan, out: Path) -> dict:
+    """Make one machine's recordings; return its line of the manifest, which tells nothing."""
+    paths = []
+    for k, order in enumerate(chosen.orders):
+        name = f'{chosen.name}_{k}'
+        made = make(order)
+        made.truth['size'] = chosen.size
+        write(made, out / name, out / 'truth' / f'{name}.json')
+        paths.append(name)
+    return {'name': chosen.name, 'recordings': paths}
+
+
+def write_hidden(
+    n: int, seed: int, out: Path, recordings: int, causes: list[str] | None = None
+) -> None:
+    """Make ``n`` machines' recordings in ``out``, with a manifest and the truth apart."""
+    machines = []
+    for index in range(n):
+        machines.append(write_plan(plan(index, seed, recordings, causes), out))
+        print(f'{index + 1} of {n}: {machines[-1]["name"]}', flush=True)
+    manifest = {'schema': 'rig/manifest/1', 'seed': seed, 'machines': machines}
+    (out / 'manifest.json').write_text(json.dumps(manifest, indent=1) + '\n')
