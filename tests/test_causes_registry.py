@@ -215,6 +215,14 @@ def test_deviations_of_one_kind_add_up():
     assert parameters(apply(machine, tuple(stops))).carriage_stop == 4e-3
 
 
+@everything
+def test_the_overview_names_every_cause_and_parameter(name):
+    page = (trials.ROOT / 'docs/causes.md').read_text(encoding='utf-8')
+    (row,) = re.findall(rf'^\| `{name}` .*$', page, re.MULTILINE)
+    for key in [p.name for p in CAUSES[name].parameters] + [p.key for p in CAUSES[name].places]:
+        assert f'`{key}`' in row
+
+
 def read_contract(text: str) -> dict[str, list[str]]:
     """Return the rows of the two tables of causes, by name."""
     rows = re.findall(r'^\| (`.*) \|$', text[text.index('## Causes') :], re.MULTILINE)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 
@@ -21,7 +21,7 @@ AlterParameters = Callable[[Parameters, Machine, Location, Theta], Parameters]
 AlterImperfections = Callable[[Imperfections, Machine, Location, Theta], Imperfections]
 AlterRecording = Callable[[Recording, Machine, Location, Theta, np.random.Generator], Recording]
 
-__all__ = ['CONTRACT', 'Cause', 'Location', 'Parameter', 'Theta', 'spread']
+__all__ = ['CONTRACT', 'Cause', 'Location', 'Parameter', 'Theta']
 
 CONTRACT = 'contracts.md, table of causes'
 HOOKS = ('alter_machine', 'alter_parameters', 'alter_imperfections', 'alter_recording')
@@ -190,11 +190,3 @@ class Cause:
         return [
             dict(zip((p.key for p in listed), chosen, strict=True)) for chosen in product(*options)
         ]
-
-
-def spread(parameter: Parameter) -> float:
-    """Return a scale of a parameter for searches: its tolerance, or a tenth of its range."""
-    if parameter.tolerance:
-        return parameter.tolerance
-    width = parameter.high - parameter.low
-    return 0.1 * width if isfinite(width) else 1.0

@@ -13,9 +13,9 @@ of the carriage.
 
 Limits
 ------
-One stop, rigid against the spring of the tensioner (700 times stiffer), no bouncing beyond what
-the damper leaves. Where the stop lies outside the motion it does nothing: the neutral value is
-infinity.
+One stop, 700 times stiffer than the spring of the tensioner; how stiff a real one is nobody
+says, and half or five times this stiffness changes the forces by a tenth of the effect. Where the
+stop lies outside the motion it does nothing: the neutral value is infinity.
 
 Alike
 -----
@@ -29,7 +29,7 @@ from escalator_twin.machine import Machine
 from escalator_twin.physics.parameters import Parameters
 from escalator_twin.signals import Floats
 
-STIFFNESS_N_M = 2.0e7  # N/m, a welded bracket; any value above 5e6 gives the same motion
+STIFFNESS_N_M = 2.0e7  # N/m, a welded bracket: yields 0.1 mm under 2 kN
 DAMPING_N_S_M = 2.0e4  # N s/m, a fifth of critical with a carriage of 120 kg
 UPPER_SHARE = 0.75  # of the range of motion: the middle of its upper half
 
@@ -57,7 +57,7 @@ CAUSE = Cause(
     law='a hard stop met at this outward displacement',
     parameters=(Parameter('displacement_m', 'm', -0.1, inf, neutral=inf),),
     places=(),
-    # the middle of the upper half of the motion of the prototype at 3 kN, empty
+    # the middle of the upper half of the motion of the prototype at 0.5 m/s up, empty, 3 kN
     references=({'displacement_m': 0.0048},),
     acts_on=('carriage_displacement', 'link_force', 'step_acceleration', 'roller_normal_force'),
     locked_to=('travel',),
