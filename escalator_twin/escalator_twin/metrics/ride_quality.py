@@ -78,7 +78,7 @@ class Weighting:
         if self.f5 == inf:
             return np.ones(s.shape, np.complex128)
         top = s**2 + self.f5 / self.q5 * s + self.f5**2
-        return top / (s**2 + self.f6 / self.q6 * s + self.f6**2)
+        return np.asarray(top / (s**2 + self.f6 / self.q6 * s + self.f6**2), np.complex128)
 
 
 # ISO 8041:2005, table of parameters, as printed in the manual of Larson Davis HVM200, table 3.1
