@@ -56,10 +56,10 @@ class Comparing:
         self.node, self.settings, self.machine = node, settings, machine
         self.state = 'starting'
         self.n_compared = 0
+        self._shift_ns = 0
         self.closing = threading.Event()
         self.link = SimulatorLink(node, machine, self.pause)
         self.session = Session(settings.session, machine) if settings.session else None
-        self.link.hand_on = self._note_simulated if self.session else None
         self._topics = topics
         self._judge = ThreadPoolExecutor(1, thread_name_prefix='judge')
         self._pending: list[tuple[Future[Any], Setting]] = []
@@ -83,10 +83,25 @@ class Comparing:
             for message in messages:
                 self.session.add(message)
 
-    def _note_simulated(self, output: Output, stamps: Nanoseconds, messages: list[bytes]) -> None:
-        assert self.session is not None
-        for stamp, data in zip(stamps.tolist(), messages, strict=True):
-            self.session.add(Message(f'/{output.name}', stamp, data, output.type))
+    def note_simulated(self, shift_ns: int | None) -> None:
+        """Have what is heard of the simulator put into the session, or no more of it.
+
+        Parameters
+        ----------
+        shift_ns : int or None
+            The recorder's clock less that of the stamps; ``None``: no more.
+        """
+        session = self.session
+        if session is None or shift_ns is None:
+            self.link.hand_on = None
+            return
+        self._shift_ns = shift_ns
+
+        def note(output: Output, stamps: Nanoseconds, messages: list[bytes]) -> None:
+            for stamp, data in zip(stamps.tolist(), messages, strict=True):
+                session.add(Message(f'/{output.name}', stamp + shift_ns, data, output.type))
+
+        self.link.hand_on = note
 
     def trace(self) -> Trace:
         """Return the simulated run as far as it has come."""
@@ -140,7 +155,7 @@ class Comparing:
         self.say('comparing the whole recording')
         document, judgement = self._compare(recording, setting, self.trace())
         if self.session is not None:
-            note_aligned(self.session, judgement, setting.origin_ns)
+            note_aligned(self.session, judgement, setting.origin_ns, self._shift_ns)
         if self.settings.json:
             whole = {'schema': SCHEMA, 'machine': self.settings.machine, 'recordings': [document]}
             write_json(self.settings.json, whole)
@@ -166,7 +181,8 @@ class Comparing:
             self._topics.summary.publish(message)
         if self.session is not None:
             name = self._topics.comparison.topic_name
-            self.session.add(Message(name, end_ns, serialize_message(message), COMPARISON_TYPE))
+            data = serialize_message(message)
+            self.session.add(Message(name, end_ns + self._shift_ns, data, COMPARISON_TYPE))
         self.n_compared += 1
 
     def close(self) -> None:

@@ -11,7 +11,14 @@ from escalator_twin.conversions import parse_path, STAMP
 from escalator_twin.errors import RecordingError
 from escalator_twin.machine import Machine
 from escalator_twin.physics.rollout import Trace
-from escalator_twin.ros.outputs import NS, Output, outputs_of, POSITION, position_output
+from escalator_twin.ros.outputs import (
+    has_header,
+    NS,
+    Output,
+    outputs_of,
+    POSITION,
+    position_output,
+)
 from escalator_twin.signals import Floats, Nanoseconds
 
 
@@ -66,6 +73,7 @@ class HeardRun:
         self.parts = [Part(output) for output in [*measured, position_output(machine)]]
         kinds = {part.output.type for part in self.parts}
         self._types = typestore_for(kinds).fielddefs
+        self._stamped = {kind for kind in kinds if has_header(kind)}
         self.epoch_ns, self.rate_hz = 0, 1.0
         self._first_row = 0
 
@@ -102,7 +110,7 @@ class HeardRun:
         rows = np.frombuffer(b''.join(messages), np.uint8).reshape(-1, size)
         texts = [text for sensor in part.output.sensors for text in sensor.fields]
         paths = [parse_path(text) for text in texts] or [POSITION]
-        stamp = STAMP if self._has_stamp(part.output.type) else ()
+        stamp = STAMP if part.output.type in self._stamped else ()
         found, is_read = columns(rows, part.output.type, self._types, [*stamp, *paths])
         if not is_read.all():
             raise RecordingError(f'{part.output.name}: messages that do not fit their type')
@@ -131,12 +139,6 @@ class HeardRun:
         part.next_row = max(part.next_row, int(index.max()) + 1)
         part.rows.append(index)
         part.values.append(values)
-
-    def _has_stamp(self, kind: str) -> bool:
-        return any(
-            name == 'header' and detail == 'std_msgs/msg/Header'
-            for name, (_, detail) in self._types[kind][1]
-        )
 
     @property
     def is_begun(self) -> bool:

@@ -4,27 +4,22 @@ What is heard is put into a bag and read like any other recording: what is compa
 the command line would read from a recording of the same messages.
 """
 
-from collections import deque
-from collections.abc import Callable
 from dataclasses import replace
 import math
 from pathlib import Path
 import tempfile
 import threading
-import time
 
 from rclpy.node import Node
 
 from escalator_twin import bagfile
-from escalator_twin.bagfile import Message
 from escalator_twin.comparison.locate import LEAD_S, locate, Setting
 from escalator_twin.errors import EscalatorError
-from escalator_twin.machine import Machine
 from escalator_twin.ros.comparing import Comparing
-from escalator_twin.ros.inbox import Inbox, Source
-from escalator_twin.ros.outputs import measured_name, measured_topics, message_class, NS
+from escalator_twin.ros.inbox import Inbox
 from escalator_twin.ros.requests import request_of
-from escalator_twin.ros.windows import run_needed_s, span_of, window_s
+from escalator_twin.ros.stream import Stream
+from escalator_twin.ros.windows import recorder_shift_ns, run_needed_s, span_of, window_s
 from escalator_twin.signals import Recording
 from escalator_twin.sync.timeline import time_all
 
@@ -33,94 +28,6 @@ LIVE_NAME = 'measured topics'  # what a recording without a path is called
 AHEAD_S = 0.5  # that the simulator runs ahead of what is heard
 SLACK_S = 10.0  # heard after a window's end before it is compared, at most
 RETRY_S = 5.0  # more of the stream before speed and place are looked for again
-
-
-class Stream:
-    """Measured messages as they come, the oldest dropped.
-
-    Parameters
-    ----------
-    machine : Machine
-    keep_s : float
-    note : callable
-        Gets each message.
-    """
-
-    def __init__(
-        self, machine: Machine, keep_s: float, note: Callable[[list[Message]], None]
-    ) -> None:
-        self.machine, self._keep_ns, self._note = machine, round(keep_s * NS), note
-        self._messages: deque[Message] = deque()
-        self._once: dict[str, Message] = {}
-        self._lock = threading.Lock()
-        self.n_received = 0
-        self.last_wall = 0.0
-        instruments = machine.instruments
-        self._types = {s.topic: s.type for s in instruments.sensors}
-        if instruments.experiment is not None:
-            self._types[instruments.experiment.topic] = instruments.experiment.type
-
-    def sources(self) -> list[Source]:
-        """Return the topics to listen to."""
-        return [
-            Source(
-                measured_name(self.machine, topic),
-                message_class(self._types[topic], topic),
-                self._taker(topic),
-            )
-            for topic in measured_topics(self.machine)
-        ]
-
-    def _taker(self, topic: str) -> Callable[[bytes, int], None]:
-        instruments = self.machine.instruments
-        name, kind = instruments.measured_topic(topic), self._types[topic]
-        is_once = instruments.experiment is not None and topic == instruments.experiment.topic
-
-        def take(data: bytes, arrival_ns: int) -> None:
-            message = Message(name, arrival_ns, data, kind)
-            with self._lock:
-                if is_once:
-                    self._once[name] = message
-                else:
-                    self._messages.append(message)
-                self.n_received += 1
-                self.last_wall = time.monotonic()
-                while (
-                    arrival_ns - self._messages[0].bag_ns > self._keep_ns
-                    if (self._messages)
-                    else False
-                ):
-                    self._messages.popleft()
-
-        return take
-
-    def forget(self) -> None:
-        """Drop everything: another stream begins."""
-        with self._lock:
-            self._messages.clear()
-
-    def messages(self, last_s: float | None = None) -> list[Message]:
-        """Return what is kept, or the last seconds of it; the experiment's message first."""
-        with self._lock:
-            kept, once = list(self._messages), list(self._once.values())
-        if last_s is not None and kept:
-            limit = kept[-1].bag_ns - round(last_s * NS)
-            kept = [message for message in kept if message.bag_ns >= limit]
-        first = kept[0].bag_ns if kept else 0
-        return [message._replace(bag_ns=min(message.bag_ns, first)) for message in once] + kept
-
-    @property
-    def span_s(self) -> float:
-        """Time between the first and the last message kept."""
-        with self._lock:
-            if not self._messages:
-                return 0.0
-            return (self._messages[-1].bag_ns - self._messages[0].bag_ns) / NS
-
-    @property
-    def silence_s(self) -> float:
-        """Wall time since the last message."""
-        return time.monotonic() - self.last_wall if self.last_wall else 0.0
 
 
 class Listening:
@@ -142,7 +49,7 @@ class Listening:
         self._inbox = Inbox(node, self._stream.sources(), clock)
         self._inbox.start()
         self._is_asked = threading.Event()
-        self._noted_ns = -1
+        self._has_run = False
 
     def adapt(self) -> None:
         """Subscribe as the publishers offer."""
@@ -168,6 +75,7 @@ class Listening:
         comparing = self._comparing
         while True:
             self._is_asked.clear()
+            self._has_run = False
             comparing.say('listening')
             try:
                 if self._hear_one():
@@ -222,11 +130,13 @@ class Listening:
         while True:
             comparing.say('finding speed and place in the loop')
             try:
-                setting = locate(self._recording(), comparing.machine)
+                recording = self._recording()
+                setting = locate(recording, comparing.machine)
             except EscalatorError as error:
                 comparing.say(f'not yet placed: {error}')
             else:
                 comparing.tell_quality(setting)
+                comparing.note_simulated(recorder_shift_ns(recording, setting.origin_ns))
                 return setting
             heard = max(heard, self._stream.span_s) + RETRY_S
             while self._stream.span_s < heard:
@@ -238,6 +148,7 @@ class Listening:
         """Start the simulator where the stream began, and have it catch up."""
         comparing = self._comparing
         comparing.say(f'{setting.experiment.set_speed_m_s:.5f} m/s: starting the simulator')
+        self._has_run = True
         link = comparing.link
         link.start(request_of(setting, 0.0, link.listener, AHEAD_S))
         comparing.say('comparing')
@@ -250,6 +161,10 @@ class Listening:
         recording = self._recording()
         setting = locate(recording, comparing.machine)
         link.hold(math.inf)
+        if self._has_run:
+            comparing.note_simulated(None)  # the session has what was heard beside the stream
+        else:
+            comparing.note_simulated(recorder_shift_ns(recording, setting.origin_ns))
         link.start(request_of(setting, 0.0, link.listener))
         while not link.is_complete:
             link.poll()

@@ -41,6 +41,15 @@ def measured_topics(machine: Machine) -> list[str]:
     return list(dict.fromkeys(topics + [sensor.topic for sensor in instruments.sensors]))
 
 
+def has_header(kind: str) -> bool:
+    """Tell whether a message type has a header, and with it a stamp of its own."""
+    types = typestore_for({kind}).fielddefs
+    return kind in types and any(
+        name == 'header' and detail == 'std_msgs/msg/Header'
+        for name, (_, detail) in types[kind][1]
+    )
+
+
 def message_class(name: str, topic: str) -> Any:
     """Return the Python class of a message type.
 
@@ -177,8 +186,7 @@ class SensorEncoder:
         for sensor in output.sensors:
             labels |= {parse_path(k): _plain(v) for k, v in sensor.labels.items()}
             paths += [parse_path(text) for text in sensor.fields]
-        types = typestore_for({output.type}).fielddefs
-        if not _has_frame(output.type, types):
+        if not has_header(output.type):
             del labels[FRAME]
         self._output = output
         self._encoder = Encoder(output.type, labels, tuple(paths))
@@ -200,13 +208,6 @@ def experiment_message(machine: Machine, experiment: Experiment, stamp_ns: int) 
     types = typestore_for({topic.type}).fielddefs
     stamp = dict(zip(STAMP, divmod(stamp_ns, NS), strict=True))
     return encode(topic.type, types, {**experiment_values(experiment), **stamp})
-
-
-def _has_frame(kind: str, types: Mapping[str, Any]) -> bool:
-    return kind in types and any(
-        name == 'header' and detail == 'std_msgs/msg/Header'
-        for name, (_, detail) in types[kind][1]
-    )
 
 
 def _plain(value: object) -> float | int | str:

@@ -10,7 +10,6 @@ from visualization_msgs.msg import MarkerArray
 
 from escalator_twin.machine import Machine
 from escalator_twin.ros import qos
-from escalator_twin.ros.engine import Batch, Run
 from escalator_twin.ros.markers import markers
 from escalator_twin.ros.outputs import (
     Encoder,
@@ -24,6 +23,7 @@ from escalator_twin.ros.outputs import (
     simulated_name,
 )
 from escalator_twin.ros.requests import time_message
+from escalator_twin.ros.run import Batch, Run
 from escalator_twin.ros.sender import Sender, Stream
 
 MARKER_PERIOD_S = 0.05

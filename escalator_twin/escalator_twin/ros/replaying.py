@@ -9,7 +9,7 @@ from escalator_twin.ros.link import PATIENCE_S
 from escalator_twin.ros.outputs import NS
 from escalator_twin.ros.replay import Replay
 from escalator_twin.ros.requests import request_of
-from escalator_twin.ros.windows import ends, span_of, without_start
+from escalator_twin.ros.windows import ends, recorder_shift_ns, span_of, without_start
 from escalator_twin.signals import Recording
 
 TICK_S = 0.005
@@ -32,6 +32,7 @@ def replay(comparing: Comparing, player: Replay) -> None:
         f'waiting for the simulator'
     )
     comparing.tell_quality(setting)
+    comparing.note_simulated(recorder_shift_ns(recording, setting.origin_ns))
     limit = time.monotonic() + MATCH_TIMEOUT_S
     while not player.is_matched() and time.monotonic() < limit:
         comparing.pause(TICK_S)

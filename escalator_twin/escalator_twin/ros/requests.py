@@ -6,8 +6,8 @@ from escalator_msgs.srv import StartExperiment
 from escalator_twin.comparison.locate import LEAD_S, RATE_HZ, Setting
 from escalator_twin.errors import ExperimentError
 from escalator_twin.machine import Machine
-from escalator_twin.ros.engine import Order
 from escalator_twin.ros.outputs import NS
+from escalator_twin.ros.run import Order
 from escalator_twin.signals import Experiment
 
 

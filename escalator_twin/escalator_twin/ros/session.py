@@ -64,8 +64,18 @@ class Session(threading.Thread):
             raise self.failure
 
 
-def note_aligned(session: Session, judgement: Judgement, origin_ns: int) -> None:
-    """Put every channel, measured beside simulated at the same place, into a session."""
+def note_aligned(session: Session, judgement: Judgement, origin_ns: int, shift_ns: int) -> None:
+    """Put every channel, measured beside simulated at the same place, into a session.
+
+    Parameters
+    ----------
+    session : Session
+    judgement : Judgement
+    origin_ns : int
+        Time zero of the reference clock.
+    shift_ns : int
+        The recorder's clock less the reference clock.
+    """
     paths: tuple[Path, ...] = (('measured',), ('simulated',), ('travel',))
     for channel, aligned in judgement.channels.items():
         encoder = Encoder(ALIGNED_TYPE, {FRAME: channel}, paths)
@@ -75,4 +85,4 @@ def note_aligned(session: Session, judgement: Judgement, origin_ns: int) -> None
         values = [measured - measured.mean(), simulated - simulated.mean(), aligned.travel_m[kept]]
         messages = encoder.encode(stamps, np.column_stack(values))
         for stamp, data in zip(stamps.tolist(), messages, strict=True):
-            session.add(Message(aligned_topic(channel), stamp, data, ALIGNED_TYPE))
+            session.add(Message(aligned_topic(channel), stamp + shift_ns, data, ALIGNED_TYPE))

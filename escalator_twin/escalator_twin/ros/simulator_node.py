@@ -12,12 +12,13 @@ from std_srvs.srv import SetBool, Trigger
 from escalator_msgs.srv import StartExperiment, Step
 from escalator_twin.errors import EscalatorError
 from escalator_twin.ros import diagnostics, qos, simulator_status
-from escalator_twin.ros.engine import Batch, Engine, Order, Run
+from escalator_twin.ros.engine import Engine
 from escalator_twin.ros.files import find_machine
 from escalator_twin.ros.outputs import NS, simulated_name
 from escalator_twin.ros.parameters import declare, follow
 from escalator_twin.ros.publications import Publications
 from escalator_twin.ros.requests import order_of, time_message, time_ns
+from escalator_twin.ros.run import Batch, Order, Run
 from escalator_twin.ros.settings import SimulatorSettings
 from escalator_twin.ros.spin import Program, run
 

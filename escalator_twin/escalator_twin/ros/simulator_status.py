@@ -20,7 +20,7 @@ def level_of(engine: Engine, sender: Sender) -> tuple[bytes, str]:
         return OK, 'paused'
     if run.is_done:
         return OK, 'the experiment is over'
-    achieved = engine.achieved()
+    achieved = run.achieved()
     if achieved and achieved < SLOW * engine.pace_of(run):
         return WARN, 'slower than asked for'
     return OK, 'running'
@@ -36,7 +36,7 @@ def values_of(engine: Engine, sender: Sender) -> dict[str, object]:
     if run is not None:
         values |= {
             'real-time factor asked for': engine.pace_of(run) or 'as fast as possible',
-            'real-time factor achieved': engine.achieved(),
+            'real-time factor achieved': run.achieved(),
             'simulated time (s)': run.time_s,
             'speed (m/s)': run.order.experiment.set_speed_m_s,
             'direction': run.order.experiment.direction,

@@ -59,6 +59,18 @@ def span_of(setting: Setting) -> tuple[float, float]:
     )
 
 
+def recorder_shift_ns(recording: Recording, origin_ns: int) -> int:
+    """Return the recorder's time less the reference clock's, at the recording's origin."""
+    return next(
+        (
+            int(signal.bag_ns[0]) - origin_ns
+            for signal in recording.signals.values()
+            if len(signal.stamp_ns) and int(signal.stamp_ns[0]) == origin_ns
+        ),
+        0,
+    )
+
+
 def without_start(recording: Recording, from_bag_ns: int) -> Recording:
     """Return a recording without what came before a bag time."""
     return replace(
