@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import pi, sin
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -342,7 +343,7 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, object]:
     return _merge(merged, data)
 
 
-def _merge(base: dict, change: dict) -> dict:
+def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
     """Return ``base`` with ``change`` laid over it."""
     merged = dict(base)
     for key, value in change.items():

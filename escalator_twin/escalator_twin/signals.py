@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +13,9 @@ Floats = NDArray[np.float64]
 Nanoseconds = NDArray[np.int64]
 
 
-def read_only(values: ArrayLike, dtype: type = np.float64) -> NDArray:
+def read_only(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
     """Return a copy of ``values`` that nobody can change."""
-    array = np.array(values, dtype=dtype)
+    array: NDArray[Any] = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
 

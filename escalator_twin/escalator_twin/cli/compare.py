@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Document:
     """Compare."""
     file, _ = check_bags(args.bags, args.machine)
-    from escalator_twin import pipeline
+    import escalator_twin.pipeline as pipeline
 
     with ProgressLine() as progress:
         return pipeline.compare(

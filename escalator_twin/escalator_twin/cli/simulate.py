@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> Document:
     machine = load_machine(file)
     experiment = parse_case(args.case, machine)
     bagfile.check_target(args.out)
-    from escalator_twin import pipeline
+    import escalator_twin.pipeline as pipeline
 
     with ProgressLine() as progress:
         return pipeline.simulate_to_bag(

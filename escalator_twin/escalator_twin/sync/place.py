@@ -53,7 +53,8 @@ def scores_of(measured: Floats, loop: Floats) -> Floats:
     n = len(loop)
     counts = np.bincount(np.arange(len(measured)) % n, minlength=n).astype(float)
     centred = measured - measured.mean()
-    folded = np.bincount(np.arange(len(measured)) % n, weights=centred, minlength=n)
+    folded = np.zeros(n)
+    np.add.at(folded, np.arange(len(measured)) % n, centred)
 
     def slide(kernel: Floats, values: Floats) -> Floats:
         return np.fft.irfft(np.conj(np.fft.rfft(kernel)) * np.fft.rfft(values), n)

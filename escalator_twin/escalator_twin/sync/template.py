@@ -68,7 +68,8 @@ class Template:
         index = np.arange(first, last + 1)
         rows = self.values[index % len(self.values)]
         columns = {c: rows[:, i] for i, c in enumerate(self.channels)}
-        return Templates(index * self.spacing_m, speed_m_s / self.spacing_m, columns)
+        travel: Floats = np.multiply(index, self.spacing_m, dtype=np.float64)
+        return Templates(travel, speed_m_s / self.spacing_m, columns)
 
     def place_at(self, travel_m: float, direction: int, length_m: float) -> float:
         """Return the path coordinate of axle 0 at a travel, m, within one loop."""

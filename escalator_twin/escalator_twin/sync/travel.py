@@ -276,7 +276,8 @@ def fit_travel(
         moved = moved + change[n:]
         if np.abs(change[:n]).max() < 1e-6:
             break
-    return _finish(problem, coefficients, moved, DEPENDENT * np.linalg.inv(normal), scales)
+    covariance: Floats = np.linalg.inv(normal) * np.float64(DEPENDENT)
+    return _finish(problem, coefficients, moved, covariance, scales)
 
 
 def _finish(
