@@ -1,17 +1,32 @@
 """Long bags and bags full of something else: read in windows, in bounded memory."""
 
-from makers import message, prototype, raw, START_NS, strain_messages, write_mcap
+from dataclasses import replace
+import re
+
+from makers import (
+    changed,
+    message,
+    prototype,
+    raw,
+    START_NS,
+    strain_messages,
+    synthetic,
+    with_signal,
+    write_mcap,
+)
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
 
 from escalator_twin import bagfile
 from escalator_twin.bagfile import mcapfile, mcaprecords
+from escalator_twin.check import check, document
 
 pytestmark = pytest.mark.issue(5)
 
 MACHINE = prototype()
 LEFT_A = 'link_force/left_a'
+NUMBER = re.compile(r'-?\d+(?:\.\d+)?(?:e[-+]\d+)?')
 CAMERA = 'std_msgs/msg/String'
 
 
@@ -108,3 +123,119 @@ def test_the_bulk_of_an_unrelated_topic_is_never_read(tmp_path, monkeypatch):
     assert len(recording.signals[LEFT_A].values) == 400
     assert path.stat().st_size > 20_000_000
     assert sum(read) < 800_000
+
+
+# check, window by window
+
+
+def in_windows(monkeypatch, window_s):
+    monkeypatch.setattr(document, 'LONG_S', window_s)
+    monkeypatch.setattr(document, 'WINDOW_S', window_s)
+
+
+def faulty(recording):
+    """Return the recording with one fault of each kind, some of them across a window's edge."""
+    rng = np.random.default_rng(4)
+    outliers = rng.choice(np.arange(20, 19_900, 40), 40, replace=False)
+
+    def put(channel, change):
+        nonlocal recording
+        parts = np.array(recording.signals[channel].parts)
+        change(parts)
+        recording = changed(recording, channel, parts=parts)
+
+    def spike(parts):
+        parts[outliers, 0] += 2.0
+
+    def still(parts):
+        parts[1950:2150] = parts[1950]  # 19.5 s to 21.5 s
+
+    def hum(parts):
+        time = np.arange(len(parts)) / 200.0
+        parts += 6e-6 * 7.56e7 * np.sin(2 * np.pi * 50.0 * time)[:, None]
+
+    put('step/acceleration/y', spike)
+    put('tensioner/displacement', still)
+    put('link_force/left_b', hum)
+    put('link_force/right_b', lambda parts: parts.__setitem__((slice(None), 2), 907.2))
+    for channel, missing in (
+        (LEFT_A, [*range(3990, 4030), *range(9000, 9500), 12_000, 12_007]),
+        ('link_force/right_a', [*range(11_000, 11_003)]),
+    ):
+        s = recording.signals[channel]
+        kept = np.delete(np.arange(len(s.values)), missing)
+        recording = changed(
+            recording,
+            channel,
+            stamp_ns=s.stamp_ns[kept],
+            bag_ns=s.bag_ns[kept],
+            parts=s.parts[kept],
+        )
+    return recording
+
+
+def same_document(windowed, whole):
+    assert windowed['topics'] == [
+        {**row, 'rate_hz': row['rate_hz'] and pytest.approx(row['rate_hz'], rel=1e-6)}
+        for row in whole['topics']
+    ]
+    for key in ('schema', 'experiment', 'container', 'case_id'):
+        assert windowed[key] == whole[key]
+    for name, value in whole['clock'].items():
+        if isinstance(value, float):
+            assert windowed['clock'][name] == pytest.approx(value, rel=1e-3, abs=1e-6)
+        else:
+            assert windowed['clock'][name] in (value, list(value) if value else value)
+    rows = [sorted(d['quality'], key=what) for d in (windowed, whole)]
+    for one, other in zip(*rows, strict=True):
+        assert what(one) == what(other)
+        numbers = [[float(n) for n in NUMBER.findall(row['detail'])] for row in (one, other)]
+        assert numbers[0] == pytest.approx(numbers[1], rel=5e-3)
+        if one['repaired']:  # by reading: of the window where it was
+            assert other['from_s'] - 0.01 <= one['from_s'] <= one['to_s'] <= other['to_s'] + 0.01
+        else:
+            assert one['from_s'] == pytest.approx(other['from_s'], abs=0.02)
+            assert one['to_s'] == pytest.approx(other['to_s'], abs=0.02)
+
+
+def what(row):
+    return row['kind'], row['channel'], NUMBER.sub('#', row['detail'])
+
+
+@pytest.mark.parametrize('with_faults', [False, True])
+def test_windows_find_what_the_whole_shows(tmp_path, monkeypatch, with_faults):
+    recording = synthetic(MACHINE, 100.0)
+    if with_faults:
+        recording = faulty(recording)
+    bagfile.write(tmp_path / 'bag', recording, MACHINE, '/measured')
+    whole = check(tmp_path / 'bag', MACHINE)
+    kinds = {row['kind'] for row in whole['quality']}
+    told = {'sensor_spikes', 'data_gap', 'mains_hum', 'gauge_dead'}
+    assert kinds == (told if with_faults else set())
+    in_windows(monkeypatch, 20.0)
+    assert len(document.windows_of(bagfile.topics(tmp_path / 'bag'), MACHINE)) == 5
+    same_document(check(tmp_path / 'bag', MACHINE), whole)
+
+
+def test_windows_add_what_reading_mends(tmp_path, monkeypatch):
+    path = write_mcap(tmp_path / 'a.mcap', [experiment_message(), *faulty_messages(3000)])
+    whole = check(path, MACHINE)
+    assert {'duplicate', 'out_of_order'} <= {row['kind'] for row in whole['quality']}
+    in_windows(monkeypatch, 4.0)
+    same_document(check(path, MACHINE), whole)
+
+
+@pytest.mark.parametrize('step_s', [40, 5])
+def test_a_step_of_a_loggers_clock_goes_through_all_windows(tmp_path, monkeypatch, step_s):
+    recording = synthetic(MACHINE, 100.0)
+    for sensor in MACHINE.instruments.sensors:
+        if sensor.logger == 'on_board':
+            s = recording.signals[sensor.channel]
+            late = np.arange(len(s.values)) >= 0.31 * len(s.values)
+            stamps = s.stamp_ns + late * step_s * 10**9
+            recording = with_signal(recording, replace(s, stamp_ns=stamps))
+    bagfile.write(tmp_path / 'bag', recording, MACHINE, '/measured')
+    whole = check(tmp_path / 'bag', MACHINE)
+    assert 'clock_disagreement' in {row['kind'] for row in whole['quality']}
+    in_windows(monkeypatch, 20.0)
+    same_document(check(tmp_path / 'bag', MACHINE), whole)

@@ -5,30 +5,26 @@ time is the logger's clock minus the recorder's, less a latency. Its difference 
 is free of the recorder's clock, and of the latency as far as that is the same for both.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from escalator_twin.check.lines import bin_edges, binned, Clock, Line, line_of, rate_of
 from escalator_twin.machine import Machine
-from escalator_twin.signals import Floats, Nanoseconds, Recording, Signal
+from escalator_twin.signals import Nanoseconds, Recording, Signal
 
 # Bag times that differ from the stamps by no more than this scatter were made from them: a
 # recorder's latency scatters by a hundred times as much.
 NO_LATENCY_S = 2e-6
-# Both loggers are compared in bins: long enough for a median over tens of messages, short
-# against a drift that changes; no more bins than the fit's pairs allow.
-BIN_S = 0.5
-MAX_BINS = 600
-MIN_PER_BIN = 5
-MIN_BINS = 4
-RATE_POINTS = 200
 # A bag time that departs by more than this from the stamps' course is a jump of the recorder's.
 JUMP_S = 0.25
 JUMP_SPAN = 50
 # Median and this quantile of the latency give the same difference where both loggers' latency is
 # alike; what they differ by is the estimate's systematic doubt.
 EARLY = 0.9
+QUANTILES = (0.5, EARLY)
 NORMAL_95 = 1.96
 
 
@@ -61,13 +57,6 @@ class ClockComparison:
         return asdict(self)
 
 
-class _Clock(NamedTuple):
-    """One logger's messages in the order of their arrival, seconds from a common origin."""
-
-    stamp_s: Floats
-    bag_s: Floats
-
-
 def compare_clocks(recording: Recording, machine: Machine) -> ClockComparison:
     """Compare the first logger that is not the reference with the reference.
 
@@ -83,7 +72,7 @@ def compare_clocks(recording: Recording, machine: Machine) -> ClockComparison:
         return ClockComparison(reason='the machine has one logger: there is no other clock')
     reference = machine.instruments.reference_logger
     others = [name for name in loggers if name != reference]
-    present = [name for name in others if _signals(recording, machine, name)]
+    present = [name for name in others if signals_of(recording, machine, name)]
     logger = (present or others)[0]
     return compare_loggers(recording, machine, logger, reference)
 
@@ -96,20 +85,28 @@ def compare_loggers(
     def unknown(reason: str) -> ClockComparison:
         return ClockComparison(logger, reference, reason=reason)
 
-    found = {name: _signals(recording, machine, name) for name in (logger, reference)}
+    found = {name: signals_of(recording, machine, name) for name in (logger, reference)}
     for name, signals in found.items():
         if not signals:
             return unknown(f'no messages of the logger {name}')
     origin = min(int(s.bag_ns.min()) for signals in found.values() for s in signals)
-    clocks = {name: _clock(signals, origin) for name, signals in found.items()}
+    clocks = {name: clock_of(signals, origin) for name, signals in found.items()}
     for name, clock in clocks.items():
         difference = clock.stamp_s - clock.bag_s
         if float(difference.max() - difference.min()) < NO_LATENCY_S:
             return unknown(f'bag time equals the stamps of the logger {name}, up to a constant')
-    moving, fixed, remarks = _without_jumps(clocks[logger], clocks[reference])
-    fits = [_fit(moving, fixed, quantile) for quantile in (0.5, EARLY)]
+    moving, fixed, remarks = without_jumps(clocks[logger], clocks[reference])
+    fits = [_fit(moving, fixed, quantile) for quantile in QUANTILES]
+    return comparison_of(logger, reference, fits, remarks)
+
+
+def comparison_of(
+    logger: str, reference: str, fits: Sequence[Line | None], remarks: Sequence[str]
+) -> ClockComparison:
+    """Return the comparison by lines through the medians and through the early stamps."""
     if fits[0] is None:
-        return unknown('too few messages of both loggers side by side')
+        reason = 'too few messages of both loggers side by side'
+        return ClockComparison(logger, reference, reason=reason)
     fit, early = fits[0], fits[1] or fits[0]
     doubt_s = NORMAL_95 * fit.offset_error_s + abs(fit.offset_s - early.offset_s)
     doubt = NORMAL_95 * fit.drift_error + abs(fit.drift - early.drift)
@@ -126,7 +123,7 @@ def compare_loggers(
     )
 
 
-def _signals(recording: Recording, machine: Machine, logger: str) -> list[Signal]:
+def signals_of(recording: Recording, machine: Machine, logger: str) -> list[Signal]:
     """Return one signal a topic of a logger."""
     topics: dict[str, Signal] = {}
     for sensor in machine.instruments.sensors:
@@ -136,12 +133,12 @@ def _signals(recording: Recording, machine: Machine, logger: str) -> list[Signal
     return list(topics.values())
 
 
-def _clock(signals: list[Signal], origin: int) -> _Clock:
+def clock_of(signals: list[Signal], origin: int) -> Clock:
     stamp: Nanoseconds = np.concatenate([s.stamp_ns for s in signals])
     bag: Nanoseconds = np.concatenate([s.bag_ns for s in signals])
     order = np.argsort(stamp, kind='stable')
     # differences before floats: nanoseconds since 1970 do not fit a double
-    return _Clock((stamp[order] - origin) / 1e9, (bag[order] - origin) / 1e9)
+    return Clock((stamp[order] - origin) / 1e9, (bag[order] - origin) / 1e9)
 
 
 class _Jump(NamedTuple):
@@ -152,7 +149,7 @@ class _Jump(NamedTuple):
     size_s: float
 
 
-def _jumps(clock: _Clock) -> list[_Jump]:
+def _jumps(clock: Clock) -> list[_Jump]:
     """Return where a logger sees the bag time jump."""
     ahead = clock.bag_s - clock.stamp_s
     arrival, forward = np.diff(clock.bag_s), np.diff(clock.stamp_s)
@@ -167,7 +164,7 @@ def _jumps(clock: _Clock) -> list[_Jump]:
     return found
 
 
-def _without_jumps(a: _Clock, b: _Clock) -> tuple[_Clock, _Clock, list[str]]:
+def without_jumps(a: Clock, b: Clock) -> tuple[Clock, Clock, list[str]]:
     """Undo the jumps that both loggers see: those are the recorder's."""
     seen = _jumps(b)
     remarks = []
@@ -178,90 +175,20 @@ def _without_jumps(a: _Clock, b: _Clock) -> tuple[_Clock, _Clock, list[str]]:
             bag_a[jump.n_before :] -= jump.size_s
             bag_b[twins[0].n_before :] -= jump.size_s
             remarks.append(f'the bag time jumps by {jump.size_s:+.3f} s at {jump.at_s:.2f} s')
-    return _Clock(a.stamp_s, bag_a), _Clock(b.stamp_s, bag_b), remarks
+    return Clock(a.stamp_s, bag_a), Clock(b.stamp_s, bag_b), remarks
 
 
 def _is_same(one: _Jump, other: _Jump) -> bool:
     return abs(one.size_s - other.size_s) < JUMP_S / 2 and abs(one.at_s - other.at_s) < 1.0
 
 
-class _Line(NamedTuple):
-    """Offset at the start and rate of the difference of two clocks, with standard errors."""
-
-    offset_s: float
-    offset_error_s: float
-    drift: float
-    drift_error: float
-
-
-def _fit(moving: _Clock, fixed: _Clock, quantile: float) -> _Line | None:
+def _fit(moving: Clock, fixed: Clock, quantile: float) -> Line | None:
     """Fit a robust line to the difference of two clocks over time."""
-    first = fixed.stamp_s.min()
     start = max(moving.bag_s.min(), fixed.bag_s.min())
-    end = min(moving.bag_s.max(), fixed.bag_s.max())
-    width = max(BIN_S, (end - start) / MAX_BINS)
-    n_bins = int((end - start) // width)
-    if n_bins < MIN_BINS:
+    edges = bin_edges(float(start), float(min(moving.bag_s.max(), fixed.bag_s.max())))
+    if edges is None:
         return None
-    edges = start + width * np.arange(n_bins + 1)
     # a replay's bag time may run at another rate: taken out of both alike
-    rate = _rate(fixed)
-    moving, fixed = (_Clock(c.stamp_s - rate * c.bag_s, c.bag_s) for c in (moving, fixed))
-    sides = [_binned(clock, edges, quantile) for clock in (moving, fixed)]
-    good = np.isfinite(sides[0]) & np.isfinite(sides[1])
-    if good.sum() < MIN_BINS:
-        return None
-    time = (rate * (edges[:-1] + edges[1:]) / 2 + sides[1])[good] - first
-    difference = (sides[0] - sides[1])[good]
-    slope = _median_slope(time, difference)
-    residual = difference - slope * time
-    residual -= np.median(residual)
-    scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
-    kept = np.abs(residual) < 4.0 * scale
-    if kept.sum() < MIN_BINS:
-        return None
-    return _least_squares(time[kept], difference[kept])
-
-
-def _least_squares(time: Floats, difference: Floats) -> _Line:
-    """Fit a line; its value is taken at time 0, the start of the recording."""
-    middle = time.mean()
-    spread = float(((time - middle) ** 2).sum())
-    slope = float(((time - middle) * difference).sum()) / spread
-    level = float(difference.mean())
-    residual = difference - level - slope * (time - middle)
-    variance = float((residual**2).sum()) / max(len(time) - 2, 1)
-    return _Line(
-        level - slope * middle,
-        float(np.sqrt(variance * (1.0 / len(time) + middle**2 / spread))),
-        slope,
-        float(np.sqrt(variance / spread)),
-    )
-
-
-def _rate(clock: _Clock) -> float:
-    """Return how fast a logger's stamps run by bag time: 1, but in a replay at another rate."""
-    chosen = np.linspace(0, len(clock.bag_s) - 1, RATE_POINTS).astype(int)
-    return _median_slope(clock.bag_s[chosen], clock.stamp_s[chosen])
-
-
-def _median_slope(x: Floats, y: Floats) -> float:
-    """Return the median of the slopes of all pairs of points (Theil 1950, Sen 1968)."""
-    i, j = np.triu_indices(len(x), 1)
-    run = x[j] - x[i]
-    return float(np.median((y[j] - y[i])[run != 0.0] / run[run != 0.0]))
-
-
-def _binned(clock: _Clock, edges: Floats, quantile: float) -> Floats:
-    """Return a quantile of the stamps in each bin of bag time; NaN where there are too few."""
-    result = np.full(len(edges) - 1, np.nan)
-    where = np.digitize(clock.bag_s, edges) - 1
-    inside = (where >= 0) & (where < len(result))
-    order = np.argsort(where[inside], kind='stable')
-    values_in_order = clock.stamp_s[inside][order]
-    bounds = np.searchsorted(where[inside][order], np.arange(len(result) + 1))
-    for k in range(len(result)):
-        values = values_in_order[bounds[k] : bounds[k + 1]]
-        if len(values) >= MIN_PER_BIN:
-            result[k] = np.quantile(values, quantile)
-    return result
+    rate = rate_of(fixed)
+    sides = [binned(clock, edges, quantile, rate) for clock in (moving, fixed)]
+    return line_of(edges, sides[0], sides[1], rate, float(fixed.stamp_s.min()))

@@ -1,9 +1,12 @@
 """Faults of sampling: rate, jitter, gaps, values that stand still."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from escalator_twin.machine import Sensor
-from escalator_twin.signals import Finding, Floats, Signal
+from escalator_twin.signals import Finding, Floats, Nanoseconds, Signal
 
 # A rate off by more than this is another setting of the logger: its clock is off by 1e-4 at most.
 RATE_SHARE = 0.01
@@ -16,6 +19,68 @@ LONG_GAP = 10
 MAX_TOLD = 10
 # Chance of calling a live signal still, for a whole recording.
 STILL_CHANCE = 1e-6
+
+
+class Steps(NamedTuple):
+    """What the distances between a channel's stamps say.
+
+    Attributes
+    ----------
+    first_s, last_s : float
+    n : int
+        How many distances.
+    period_s : float
+        Their median.
+    jitter : float
+        Share of the period by which one in a hundred is off.
+    long : (k, 3) float64
+        Begin, end and number of missing samples of the gaps that are told one by one.
+    short : (m, 3) float64
+        Of the others.
+    """
+
+    first_s: float
+    last_s: float
+    n: int
+    period_s: float
+    jitter: float
+    long: Floats
+    short: Floats
+
+
+def steps_of(stamp_ns: Nanoseconds, start_ns: int) -> Steps:
+    """Return what two or more stamps in order say, in seconds from ``start_ns``."""
+    time = (stamp_ns - start_ns) / 1e9
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    regular = steps[steps < 1.5 * period]
+    jitter = float(np.quantile(np.abs(regular / period - 1.0), 0.99)) if len(regular) else 0.0
+    missing = np.rint(steps / period) - 1.0
+    gaps = np.column_stack([time[:-1], time[1:], missing])[missing > 0]
+    is_long = gaps[:, 2] >= LONG_GAP
+    return Steps(
+        float(time[0]), float(time[-1]), len(steps), period, jitter, gaps[is_long], gaps[~is_long]
+    )
+
+
+def join_steps(parts: Sequence[Steps]) -> Steps:
+    """Return what successive parts of a channel say together.
+
+    Gaps add; the period is the median of the parts', the jitter their mean, both weighed by the
+    number of distances.
+    """
+    n = np.array([part.n for part in parts])
+    order = np.argsort([part.period_s for part in parts], kind='stable')
+    middle = order[np.searchsorted(np.cumsum(n[order]), n.sum() / 2.0)]
+    return Steps(
+        parts[0].first_s,
+        parts[-1].last_s,
+        int(n.sum()),
+        parts[middle].period_s,
+        float(np.average([part.jitter for part in parts], weights=n)),
+        np.concatenate([part.long for part in parts]),
+        np.concatenate([part.short for part in parts]),
+    )
 
 
 def sampling(signal: Signal, sensor: Sensor, start_ns: int) -> list[Finding]:
@@ -33,55 +98,55 @@ def sampling(signal: Signal, sensor: Sensor, start_ns: int) -> list[Finding]:
     if len(signal.stamp_ns) < 3:
         text = f'{len(signal.stamp_ns)} samples'
         return [Finding('data_gap', signal.channel, 0.0, 0.0, text)]
-    time = (signal.stamp_ns - start_ns) / 1e9
-    steps = np.diff(time)
-    period = float(np.median(steps))
+    return judge_steps(steps_of(signal.stamp_ns, start_ns), sensor)
+
+
+def judge_steps(steps: Steps, sensor: Sensor) -> list[Finding]:
+    """Return what is wrong with the distances of a channel's stamps."""
     findings = []
 
     def tell(kind: str, from_s: float, to_s: float, text: str) -> None:
-        findings.append(Finding(kind, signal.channel, float(from_s), float(to_s), text))
+        findings.append(Finding(kind, sensor.channel, float(from_s), float(to_s), text))
 
-    rate = 1.0 / period
+    first, last = steps.first_s, steps.last_s
+    rate = 1.0 / steps.period_s
     if abs(rate / sensor.rate_hz - 1.0) > RATE_SHARE:
-        text = f'{rate:.2f} Hz, expected {sensor.rate_hz:g} Hz'
-        tell('rate', time[0], time[-1], text)
-    regular = steps[steps < 1.5 * period]
-    jitter = float(np.quantile(np.abs(regular / period - 1.0), 0.99))
-    if jitter > JITTER_SHARE:
-        text = f'stamps off by up to {100 * jitter:.0f} % of the period (99 % of them)'
-        tell('jitter', time[0], time[-1], text)
-    missing = np.rint(steps / period).astype(int) - 1
-    long = np.flatnonzero(missing >= LONG_GAP)
-    for i in long[np.argsort(-missing[long], kind='stable')][:MAX_TOLD]:
-        tell('data_gap', time[i], time[i + 1], f'{missing[i]} samples missing')
-    if len(long) > MAX_TOLD:
-        tell('data_gap', time[0], time[-1], f'{len(long) - MAX_TOLD} more gaps of this kind')
-    short = (missing > 0) & (missing < LONG_GAP)
-    if short.any():
-        text = f'{missing[short].sum()} samples missing in {short.sum()} short gaps'
-        tell('data_gap', time[:-1][short][0], time[1:][short][-1], text)
+        tell('rate', first, last, f'{rate:.2f} Hz, expected {sensor.rate_hz:g} Hz')
+    if steps.jitter > JITTER_SHARE:
+        text = f'stamps off by up to {100 * steps.jitter:.0f} % of the period (99 % of them)'
+        tell('jitter', first, last, text)
+    order = np.argsort(-steps.long[:, 2], kind='stable')
+    for from_s, to_s, missing in steps.long[order][:MAX_TOLD]:
+        tell('data_gap', from_s, to_s, f'{int(missing)} samples missing')
+    if len(steps.long) > MAX_TOLD:
+        text = f'{len(steps.long) - MAX_TOLD} more gaps of this kind'
+        tell('data_gap', first, last, text)
+    short = steps.short
+    if len(short):
+        text = f'{int(short[:, 2].sum())} samples missing in {len(short)} short gaps'
+        tell('data_gap', short[0, 0], short[-1, 1], text)
     return findings
 
 
-def edges(signals: list[tuple[Signal, Sensor]], start_ns: int, end_ns: int) -> list[Finding]:
+def edges(ends: Sequence[tuple[Sensor, int, int]], start_ns: int, end_ns: int) -> list[Finding]:
     """Tell which channels of one logger begin late or end early.
 
     Parameters
     ----------
-    signals : list of (Signal, Sensor)
-        All of one logger.
+    ends : sequence of (Sensor, int, int)
+        First and last stamp of each channel of one logger.
     start_ns, end_ns : int
         First and last stamp of the logger.
     """
     findings = []
-    for signal, sensor in signals:
+    for sensor, begin, end in ends:
         period = 1e9 / sensor.rate_hz
-        for first, last in ((start_ns, signal.stamp_ns[0]), (signal.stamp_ns[-1], end_ns)):
+        for first, last in ((start_ns, begin), (end, end_ns)):
             n_missing = round(float(last - first) / period)
             if n_missing >= LONG_GAP:
                 from_s, to_s = ((int(t) - start_ns) / 1e9 for t in (first, last))
                 text = f'{n_missing} samples missing at an end that other channels have'
-                findings.append(Finding('data_gap', signal.channel, from_s, to_s, text))
+                findings.append(Finding('data_gap', sensor.channel, from_s, to_s, text))
     return findings
 
 

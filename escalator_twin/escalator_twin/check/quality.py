@@ -16,7 +16,7 @@ from escalator_twin.signals import Finding, Floats, Recording, Signal
 CLOCK_SHARE = 1.2
 
 Detector = Callable[[Signal, Sensor, Floats], list[Finding]]
-# what looks at one channel by itself
+# what looks at one channel by itself; the first needs the samples before a window too
 DETECTORS: tuple[Detector, ...] = (stillness, saturation, hum)
 
 
@@ -48,7 +48,8 @@ def quality(
     for members in _by_logger(channels).values():
         start = min(int(c.signal.stamp_ns[0]) for c in members)
         end = max(int(c.signal.stamp_ns[-1]) for c in members)
-        findings += edges([(c.signal, c.sensor) for c in members], start, end)
+        stamps = [(c.sensor, c.signal.stamp_ns) for c in members]
+        findings += edges([(s, int(t[0]), int(t[-1])) for s, t in stamps], start, end)
         for signal, sensor in members:
             findings += sampling(signal, sensor, start)
             if len(signal.values) < 3:
@@ -56,7 +57,7 @@ def quality(
             time_s = (signal.stamp_ns - start) / 1e9
             for detector in DETECTORS:
                 findings += detector(signal, sensor, time_s)
-            others = [(c.signal, c.sensor) for c in members if _is_beside(c.sensor, sensor)]
+            others = [(c.signal, c.sensor) for c in members if is_beside(c.sensor, sensor)]
             hits = find_hits(signal, sensor, others)
             findings += judge_hits(hits, signal, float(time_s[-1] - time_s[0]), start)
     faulty = {finding.channel for finding in findings}
@@ -65,7 +66,7 @@ def quality(
     return findings
 
 
-def _is_beside(other: Sensor, sensor: Sensor) -> bool:
+def is_beside(other: Sensor, sensor: Sensor) -> bool:
     """Tell whether another channel comes in the same messages."""
     return other.topic == sensor.topic and other.channel != sensor.channel
 

@@ -4,6 +4,7 @@ An impact moves the other axes of the same message at the same sample, or rings 
 after; an electrical outlier leaves both as they were.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,9 +63,18 @@ class Hits(NamedTuple):
     def cut(self, from_ns: int, to_ns: int) -> 'Hits':
         """Return those with stamps in [from_ns, to_ns)."""
         kept = (self.stamp_ns >= from_ns) & (self.stamp_ns < to_ns)
-        return Hits(
-            self.stamp_ns[kept], self.size[kept], self.is_strict[kept], self.is_lone[kept]
-        )
+        return Hits(self.stamp_ns[kept], self.size[kept], self.is_strict[kept], self.is_lone[kept])
+
+
+def join_hits(parts: Sequence[Hits]) -> Hits:
+    """Return the hits of successive parts of a channel."""
+    stamp_ns, size, is_strict, is_lone = zip(*parts, strict=True)
+    return Hits(
+        np.concatenate(stamp_ns),
+        np.concatenate(size),
+        np.concatenate(is_strict),
+        np.concatenate(is_lone),
+    )
 
 
 def find_hits(signal: Signal, sensor: Sensor, others: list[tuple[Signal, Sensor]]) -> Hits:
@@ -76,7 +86,7 @@ def find_hits(signal: Signal, sensor: Sensor, others: list[tuple[Signal, Sensor]
         loose[k] = spike_mask(part.values, _noise(part), LOOSE_RANGE)
         sharp[k] = spike_mask(part.values, _noise(part))
     where = np.flatnonzero(loose.any(axis=0))
-    is_lone = loose[:, where].any(axis=0) & ~loose[:, where].all(axis=0)
+    is_lone: NDArray[np.bool_] = np.asarray(~loose[:, where].all(axis=0))
     other, before, after = _unrest(signal, parts, where, others)
 
     is_quiet = (other < STRICT_OTHER) & (after < np.maximum(REST, STRICT_RING * before))
@@ -89,7 +99,7 @@ def find_hits(signal: Signal, sensor: Sensor, others: list[tuple[Signal, Sensor]
     )
     is_calm = other < np.maximum(LOOSE_OTHER, LOOSE_SHARE * height)
     rest = np.maximum(np.maximum(REST, LOOSE_RING * before), (LOOSE_SHARE / 2.0 * height) ** 2)
-    kept = is_strict | is_lone | (is_calm & (after < rest))
+    kept: NDArray[np.bool_] = np.asarray(is_strict | is_lone | (is_calm & (after < rest)))
     return Hits(signal.stamp_ns[where][kept], size[kept], is_strict[kept], is_lone[kept])
 
 
@@ -113,8 +123,9 @@ def _unrest(
     for signal_, sensor in others:
         same = np.searchsorted(signal_.stamp_ns, signal.stamp_ns[where])
         same = np.clip(same, 0, len(signal_.stamp_ns) - 1)
-        there = np.asarray(signal_.stamp_ns[same] == signal.stamp_ns[where])
-        there &= (same >= SIDE) & (same < len(signal_.stamp_ns) - SIDE)
+        same_stamp = signal_.stamp_ns[same] == signal.stamp_ns[where]
+        is_inner = (same >= SIDE) & (same < len(signal_.stamp_ns) - SIDE)
+        there: NDArray[np.bool_] = np.asarray(same_stamp & is_inner)
         for part in parts_of(signal_, sensor):
             v, at = part.values, same[there]
             if _noise(part) <= 0.0:
