@@ -1,0 +1,1 @@
+"""Speed, judged as ratios measured in one run; one JSON line each."""
