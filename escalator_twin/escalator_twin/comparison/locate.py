@@ -134,7 +134,7 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
         fit.ground,
         fit.travel.shifted(-begin),
         place.lead,
-        tuple([*findings, *wrong]),
+        (*findings, *wrong),
     )
 
 
