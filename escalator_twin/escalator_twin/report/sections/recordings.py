@@ -19,6 +19,7 @@ TOLD_ELSEWHERE = (
     'path',
     'place_lead',
     'quality',
+    'ride_quality',
     'sensor_pose',
     'set_speed_m_s',
     'speed_m_s',
