@@ -1,11 +1,17 @@
 """Long bags and bags full of something else: read in windows, in bounded memory."""
 
 from dataclasses import replace
+import json
 import re
+import struct
+import subprocess
+import sys
 
 from makers import (
     changed,
+    definition,
     message,
+    PROTOTYPE,
     prototype,
     raw,
     START_NS,
@@ -17,10 +23,14 @@ from makers import (
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
+import zstandard
 
-from escalator_twin import bagfile
-from escalator_twin.bagfile import mcapfile, mcaprecords
+from escalator_twin import bagfile, pipeline
+from escalator_twin.bagfile import mcapfile, mcaprecords, writing
+from escalator_twin.bagfile.cdr import walk
 from escalator_twin.check import check, document
+from escalator_twin.comparison import parts
+from escalator_twin.conversions import STAMP
 
 pytestmark = pytest.mark.issue(5)
 
@@ -213,7 +223,7 @@ def test_windows_find_what_the_whole_shows(tmp_path, monkeypatch, with_faults):
     told = {'sensor_spikes', 'data_gap', 'mains_hum', 'gauge_dead'}
     assert kinds == (told if with_faults else set())
     in_windows(monkeypatch, 20.0)
-    assert len(document.windows_of(bagfile.topics(tmp_path / 'bag'), MACHINE)) == 5
+    assert len(document.windows_of(bagfile.topics(tmp_path / 'bag'), MACHINE, 20.0, 20.0)) == 5
     same_document(check(tmp_path / 'bag', MACHINE), whole)
 
 
@@ -239,3 +249,253 @@ def test_a_step_of_a_loggers_clock_goes_through_all_windows(tmp_path, monkeypatc
     assert 'clock_disagreement' in {row['kind'] for row in whole['quality']}
     in_windows(monkeypatch, 20.0)
     same_document(check(tmp_path / 'bag', MACHINE), whole)
+
+
+# comparison, part by part
+
+
+def part_document(speed, findings=(), **scores):
+    return {
+        'path': 'a',
+        'start_s_m': 1.0,
+        'speed_m_s': {'value': speed, 'low': speed - 3e-4, 'high': speed + 4e-4},
+        'place_is_certain': True,
+        'clock': {'offset_s': 0.5},
+        'channels': {LEFT_A: {'r_time': 0.5, 'nrmse': 0.5, 'ceiling_r_time': None, **scores}},
+        'sides': {'link a': {'share': 0.5 + speed}},
+        'sensor_pose': {},
+        'quality': [
+            dict(zip(('kind', 'channel', 'from_s', 'to_s', 'detail'), f)) for f in findings
+        ],
+        'overlay': {'of': speed},
+    }
+
+
+def test_parts_pool_what_can_be_pooled():
+    rng = np.random.default_rng(2)
+    m = rng.standard_normal(3000).cumsum()
+    s = m + rng.standard_normal(3000)
+    halves = [slice(0, 1000), slice(1000, 3000)]
+    sums = []
+    for half in halves:
+        a, b = (row[half] - row[half].mean() for row in (m, s))
+        m[half], s[half] = a, b
+        pair = np.array([a @ a, b @ b, a @ b, len(a)])
+        sums.append({LEFT_A: dict.fromkeys(set(parts.CORRELATIONS.values()), pair)})
+    order = [[{'phase_deg': v, 'coherence': None}] for v in (179.0, -178.0)]
+    documents = [
+        part_document(0.5, r_freq=0.9, orders=order[0]),
+        part_document(0.6, r_freq=0.6, orders=order[1]),
+    ]
+    merged = parts.merge_parts(documents, sums, [(0.0, 300.0), (300.0, 900.0)])
+    scores = merged['channels'][LEFT_A]
+    assert scores['r_time'] == pytest.approx(np.corrcoef(m, s)[0, 1])
+    assert scores['nrmse'] == pytest.approx(np.std(m - s) / np.std(m))
+    assert scores['ceiling_r_time'] is None
+    assert scores['r_freq'] == pytest.approx(0.7)
+    assert abs(scores['orders'][0]['phase_deg']) == pytest.approx(179.0, abs=0.01)
+    assert scores['orders'][0]['coherence'] is None
+    assert merged['speed_m_s']['value'] == pytest.approx(0.5 + 0.2 / 3)
+    assert 0.0 < merged['speed_m_s']['value'] - merged['speed_m_s']['low'] < 3e-4
+    assert merged['sides']['link a']['share'] == pytest.approx(0.5 + merged['speed_m_s']['value'])
+    assert merged['overlay'] == {'of': 0.5}
+    assert merged['parts']['n'] == 2
+    assert 'r_time' in merged['parts']['pooled']
+    assert 'r_freq' in merged['parts']['averaged']
+
+
+def test_findings_of_parts_are_in_the_time_of_the_recording():
+    gap = ('data_gap', LEFT_A, 3.0, 7.0, '800 samples missing')
+    clock = ('clock_drift', '', 0.0, 0.0, 'too fast')
+    documents = [part_document(0.5, [gap, clock]), part_document(0.5, [gap, clock])]
+    sums = [{LEFT_A: dict.fromkeys(set(parts.CORRELATIONS.values()), np.ones(4))}] * 2
+    found = parts.merge_parts(documents, sums, [(0.0, 600.0), (600.0, 900.0)])['quality']
+    assert [(row['kind'], row['from_s']) for row in found] == [
+        ('data_gap', 3.0),
+        ('clock_drift', 0.0),
+        ('data_gap', 603.0),
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+def test_parts_agree_with_the_whole(shared, monkeypatch):
+    path = str(shared / 'measured' / 'campaign' / 'case_01_low_up_empty_lo')
+    whole = pipeline.compare_bag(path, PROTOTYPE)
+    monkeypatch.setattr(parts, 'LONG_S', 60.0)
+    monkeypatch.setattr(parts, 'PART_S', 90.0)
+    merged = pipeline.compare_bag(path, PROTOTYPE)
+    assert merged['parts']['n'] == 2
+    assert merged['speed_m_s']['value'] == pytest.approx(whole['speed_m_s']['value'], rel=1e-3)
+    assert merged['start_s_m'] == pytest.approx(whole['start_s_m'], abs=0.015)
+    for channel in ('link_force/left_a', 'tensioner/displacement', 'step/acceleration/z'):
+        one, other = (d['channels'][channel] for d in (merged, whole))
+        assert one['r_time'] == pytest.approx(other['r_time'], abs=2e-3)
+        assert one['nrmse'] == pytest.approx(other['nrmse'], abs=0.02)
+
+
+# memory
+
+
+def frames(rows, channel, bag_ns):
+    """Return MCAP message records, (n, 31 + size) bytes, as numpy writes them."""
+    n, size = rows.shape
+    made = np.zeros((n, 31 + size), np.uint8)
+    made[:, 0] = 5
+    for at, values, kind in (
+        (1, np.full(n, 22 + size), '<u8'),
+        (9, np.full(n, channel), '<u2'),
+        (15, bag_ns, '<u8'),
+        (23, bag_ns, '<u8'),
+    ):
+        cells = np.ascontiguousarray(values.astype(kind)[:, None]).view(np.uint8)
+        made[:, at : at + cells.shape[1]] = cells
+    made[:, 31:] = rows
+    return made
+
+
+def record(opcode, body):
+    return bytes([opcode]) + struct.pack('<Q', len(body)) + body
+
+
+def text(value):
+    data = value.encode()
+    return struct.pack('<I', len(data)) + data
+
+
+class LongWriter:
+    """A cheap writer of chunks: no summary, but the message indices that a recorder writes."""
+
+    def __init__(self, path):
+        self.file = path.open('wb')
+        self.file.write(mcaprecords.MAGIC + record(1, text('ros2') + text('made')))
+
+    def channel(self, number, topic, kind):
+        schema = struct.pack('<H', number) + text(kind) + text('ros2msg') + text(definition(kind))
+        self.file.write(record(3, schema))
+        self.file.write(
+            record(4, struct.pack('<HH', number, number) + text(topic) + text('cdr') + bytes(4))
+        )
+
+    def head(self, first_ns, last_ns, size, compression, stored):
+        head = struct.pack('<QQQI', first_ns, last_ns, size, 0)
+        head += text(compression) + struct.pack('<Q', stored)
+        self.file.write(bytes([6]) + struct.pack('<Q', len(head) + stored) + head)
+
+    def index(self, number, bag_ns, at):
+        entries = np.column_stack([bag_ns, at]).astype('<u8').tobytes()
+        self.file.write(record(7, struct.pack('<HI', number, len(entries)) + entries))
+
+    def chunk(self, topics):
+        """Write a chunk of (channel, bag times, rows)."""
+        parts_, indices, position = [], [], 0
+        for number, bag_ns, rows in topics:
+            made = frames(rows, number, bag_ns)
+            indices.append((number, bag_ns, position + np.arange(len(made)) * made.shape[1]))
+            parts_.append(made.tobytes())
+            position += made.size
+        data = zstandard.ZstdCompressor(level=1).compress(b''.join(parts_))
+        first = min(int(bag_ns.min()) for _, bag_ns, _ in topics)
+        last = max(int(bag_ns.max()) for _, bag_ns, _ in topics)
+        self.head(first, last, position, 'zstd', len(data))
+        self.file.write(data)
+        for index in indices:
+            self.index(*index)
+
+    def hole(self, number, bag_ns, size):
+        """Write a chunk that is a hole in the file: whoever reads it finds no message."""
+        self.head(bag_ns, bag_ns, size, '', size)
+        self.file.seek(size, 1)
+        self.index(number, np.array([bag_ns]), np.array([0]))
+
+    def close(self):
+        self.file.write(record(15, bytes(4)) + record(2, bytes(20)) + mcaprecords.MAGIC)
+        self.file.close()
+
+
+BLOCK_S = 60
+
+
+def long_bag(path, duration_s, hole_bytes=0):
+    """Write the instruments' messages, the same minute again and again; return how many."""
+    streams = writing._streams(synthetic(MACHINE, float(BLOCK_S)), MACHINE, '/measured')
+    types = writing.typestore_for({s.type for s in streams}).fielddefs
+    writer = LongWriter(path)
+    for i, stream in enumerate(streams):
+        writer.channel(i + 1, stream.topic, stream.type)
+    writer.channel(99, '/camera', CAMERA)
+    total = 0
+    for k in range(duration_s // BLOCK_S):
+        for part in range(6):
+            topics_ = []
+            for i, stream in enumerate(streams):
+                n = len(stream.rows)
+                if n == 1 and (k or part):
+                    continue
+                rows = np.array(stream.rows[part * n // 6 : (part + 1) * n // 6 or None])
+                if n == 1:
+                    rows = np.array(stream.rows)
+                bag_ns = stream.bag_ns[part * n // 6 : part * n // 6 + len(rows)]
+                place = walk(rows[0].tobytes(), stream.type, types, set(STAMP)).places[STAMP[0]]
+                cells = rows[:, place.offset : place.offset + 4]
+                seconds = np.ascontiguousarray(cells).view('<i4') + BLOCK_S * k
+                rows[:, place.offset : place.offset + 4] = seconds.astype('<i4').view(np.uint8)
+                topics_.append((i + 1, bag_ns + BLOCK_S * k * 10**9, rows))
+                total += len(rows)
+            writer.chunk(topics_)
+            if hole_bytes:
+                writer.hole(99, int(topics_[-1][1][-1]), hole_bytes)
+    writer.close()
+    return total
+
+
+MEASURE = """
+import json, re, sys
+from pathlib import Path
+from escalator_twin.check import check
+from escalator_twin.machine import load_machine
+document = check(sys.argv[1], load_machine(sys.argv[2]))
+status = Path('/proc/self/status').read_text()
+peak = int(re.search(r'VmHWM:\\s+(\\d+) kB', status)[1]) / 1024
+print(json.dumps({'peak_mb': peak, 'document': document}, default=float))
+"""
+
+
+def measured_check(path):
+    """Run ``check`` in a process of its own; return its peak in MB and its document."""
+    command = [sys.executable, '-c', MEASURE, str(path), str(PROTOTYPE)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    result = json.loads(done.stdout)
+    return result['peak_mb'], result['document']
+
+
+@pytest.mark.slow
+def test_two_hours_take_no_more_memory_than_ten_minutes(tmp_path):
+    peaks = {}
+    for name, duration_s in (('short', 600), ('long', 7200)):
+        path = tmp_path / f'{name}.mcap'
+        total = long_bag(path, duration_s)
+        assert total == pytest.approx(1100 * duration_s, rel=1e-3)
+        peaks[name], document = measured_check(path)
+        path.unlink()
+        assert sum(row['n_messages'] for row in document['topics']) == total
+        assert document['clock']['offset_s'] is not None
+        assert not {row['kind'] for row in document['quality']} & {'data_gap', 'rate', 'jitter'}
+    print(peaks)
+    assert peaks['long'] < 500.0
+    assert peaks['long'] < 1.1 * peaks['short']
+
+
+@pytest.mark.slow
+def test_four_gigabytes_of_another_topic_are_skipped(tmp_path):
+    plain, bulky = tmp_path / 'plain.mcap', tmp_path / 'bulky.mcap'
+    long_bag(plain, 600)
+    long_bag(bulky, 600, hole_bytes=72_000_000)
+    assert bulky.stat().st_size > 4 * 2**30
+    peak, document = measured_check(plain)
+    bulk_peak, with_bulk = measured_check(bulky)
+    print(peak, bulk_peak)
+    assert with_bulk['quality'] == document['quality']
+    assert with_bulk['container']['losses'] == []
+    assert bulk_peak < 1.1 * peak
+    assert bulk_peak < 500.0

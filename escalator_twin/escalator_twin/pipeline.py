@@ -8,6 +8,7 @@ from escalator_twin import bagfile
 from escalator_twin.comparison.document import recording_document, SCHEMA
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, RATE_HZ, Setting
+from escalator_twin.comparison.parts import compare_in_parts, part_bounds
 from escalator_twin.errors import EscalatorError, NotYetError
 from escalator_twin.instruments import ideal, record
 from escalator_twin.machine import load_machine, Machine
@@ -89,6 +90,8 @@ def compare_recording(
 def compare_bag(path: str, machine_path: str | Path) -> dict[str, Any]:
     """Return one recording's part of the JSON of ``compare``."""
     machine = load_machine(machine_path)
+    if bounds := part_bounds(path, machine):
+        return compare_in_parts(path, machine, bounds)
     recording = bagfile.read(path, machine)
     setting, judgement = compare_recording(recording, machine)
     return recording_document(recording, setting, judgement, machine)

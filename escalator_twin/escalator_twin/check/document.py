@@ -44,7 +44,7 @@ def check(path: str | os.PathLike[str], machine: Machine) -> dict[str, Any]:
             'losses': list(bag.losses),
             'notes': list(bag.notes),
         }
-    bounds = windows_of(infos, machine)
+    bounds = windows_of(infos, machine, LONG_S, WINDOW_S)
     looked = _in_windows(path, machine, infos, bounds) if bounds else _at_once(path, machine)
     container['losses'] += [
         f.detail
@@ -81,15 +81,20 @@ def _at_once(path: str | os.PathLike[str], machine: Machine) -> _Looked:
     return _Looked(recording.experiment, rates, clock, quality(recording, machine, clock))
 
 
-def windows_of(infos: list[TopicInfo], machine: Machine) -> list[tuple[int, int]]:
-    """Return the windows in which a long recording is looked at; none where it is short."""
+def windows_of(
+    infos: list[TopicInfo], machine: Machine, long_s: float, window_s: float
+) -> list[tuple[int, int]]:
+    """Return the windows of bag time in which a recording longer than ``long_s`` is looked at.
+
+    They are at most about ``window_s`` long; none where the recording is short.
+    """
     spans = _spans(infos, machine)
     if not spans:
         return []
     first, last = min(span[0] for span in spans.values()), max(span[1] for span in spans.values())
-    if last - first <= LONG_S * 1e9:
+    if last - first <= long_s * 1e9:
         return []
-    n = math.ceil((last - first) / (WINDOW_S * 1e9))
+    n = math.ceil((last - first) / (window_s * 1e9))
     bounds = np.linspace(first, last + 1, n + 1).astype(np.int64).tolist()
     # on the edges of the clocks' bins, so that none of these is cut
     clocks = ClockSurvey(machine, spans)
