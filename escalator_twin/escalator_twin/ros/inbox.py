@@ -23,13 +23,13 @@ PERIOD_S = 0.005  # between two rounds: a twentieth of what the histories hold a
 class _Drained(CallbackGroup):
     """Keeps its subscriptions out of the executor's wait set."""
 
-    def can_execute(self, entity: Any) -> bool:  # noqa: ARG002
+    def can_execute(self, _: Any) -> bool:
         return False
 
-    def beginning_execution(self, entity: Any) -> bool:  # noqa: ARG002
+    def beginning_execution(self, _: Any) -> bool:
         return False
 
-    def ending_execution(self, entity: Any) -> None:
+    def ending_execution(self, _: Any) -> None:
         pass
 
 

@@ -21,6 +21,9 @@ SERVICE = 'simulator/start_experiment'
 TRIES = 3  # of a start whose first samples did not come
 FIRST_SAMPLES_S = 5.0  # in which they must
 ANSWER_S = 150.0  # for a start: an equilibrium takes a second or two on an idle machine
+LOST_S = 40.0  # after which a request counts as lost
+STARTS_S = 2.0  # within which a simulator stops what it does when it is to start anew
+FLOWS_S = 0.5  # since the last sample: what comes is of a run in progress
 PATIENCE_S = 10.0  # of silence before a word is said about it
 TELL_S = 0.1  # of simulated time between two words on how far has been heard
 
@@ -49,6 +52,7 @@ class SimulatorLink:
         self._told_rows = 0.0
         self.n_samples = 0
         self.limit_s = math.inf
+        self._came = 0.0
         self.hand_on: Callable[[Output, Nanoseconds, list[bytes]], None] | None = None
 
     def sources(self) -> list[Source]:
@@ -63,7 +67,11 @@ class SimulatorLink:
         ]
 
     def _taker(self, number: int) -> Callable[[bytes, int], None]:
-        return lambda message, _: self.run.take(number, message)
+        def take(message: bytes, _: int) -> None:
+            self._came = time.monotonic()
+            self.run.take(number, message)
+
+        return take
 
     def start(self, request: StartExperiment.Request) -> None:
         """Start a run and wait until its first samples have come.
@@ -94,13 +102,25 @@ class SimulatorLink:
             if time.monotonic() - since > PATIENCE_S:
                 since = time.monotonic()
                 self._node.get_logger().warning(f'waiting for the service {SERVICE}')
-        answer = self._client.call_async(request)
         limit = time.monotonic() + ANSWER_S
-        while not answer.done():
-            self._pause(0.01)
-            if time.monotonic() > limit:
-                raise EscalatorError(f'{SERVICE}: no answer within {ANSWER_S:.0f} s')
-        return answer.result()
+        while time.monotonic() < limit:
+            answer = self._client.call_async(request)
+            called = time.monotonic()
+            while not answer.done() and not self._is_lost(called):
+                self._pause(0.01)
+            if answer.done():
+                return answer.result()
+            self._client.remove_pending_request(answer)
+        raise EscalatorError(f'{SERVICE}: no answer within {ANSWER_S:.0f} s')
+
+    def _is_lost(self, called: float) -> bool:
+        """Tell whether an answer will not come: nothing has, or samples flow without it.
+
+        DDS drops an answer where the client has not been discovered yet.
+        """
+        now = time.monotonic()
+        flows = now - self._came < FLOWS_S and now - called > FLOWS_S + STARTS_S
+        return flows or now - called > LOST_S
 
     def _has_begun(self) -> bool:
         limit = time.monotonic() + FIRST_SAMPLES_S

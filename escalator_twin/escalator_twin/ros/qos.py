@@ -24,11 +24,11 @@ EVENTS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-# as rclpy's own subscription of a clock expects it
+# reliable: whoever subscribes to a clock, best effort as rclpy or not, is served
 CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
+    reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
 VIEWS = QoSProfile(
