@@ -82,6 +82,7 @@ def parser() -> argparse.ArgumentParser:
     many.add_argument('--causes', nargs='*', help='take these in turn; clean for none')
     checked = verbs.add_parser('verify', help='show the rig beside the seeded recordings')
     checked.add_argument('--shared', type=Path, required=True)
+    checked.add_argument('--tolerances', action='store_true', help='fit these too, slower')
     checked.add_argument('--only', nargs='*', default=[], metavar='NAME')
     return root
 
@@ -105,7 +106,7 @@ def main() -> None:
     elif given.verb == 'hidden':
         write_hidden(given.n, given.seed, given.out, given.recordings, given.causes)
     elif given.verb == 'verify':
-        verify(given.shared, given.only)
+        verify(given.shared, given.only, given.tolerances)
 
 
 if __name__ == '__main__':

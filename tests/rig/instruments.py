@@ -9,10 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from rig.bagfile import NS
 from rig.model import RECORD
+from rig.run import ROW_S
 from rig.sheet import Sheet
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +32,8 @@ BIAS = 0.1  # m/s2, the largest
 MISALIGNMENT_DEG = 0.3  # deg, one standard deviation about each axis
 REFLEX_NOISE, REFLEX_STEP, REFLEX_ZERO = 2e-5, 1e-5, 5e-3  # m
 LATENCY_S, JITTER_S = 4e-3, 1e-3  # s, seen: latency + |N(0, jitter)|
+TRACK_GAUGE_M = 1.0  # m, data sheet, left chain to right chain
+ALIAS_HZ = 76.0  # Hz, seen: half the amplitude is left, no phase
 PACKET_NS = 1000  # ns, between the rows of one on-board packet, as seen
 
 
@@ -74,32 +78,39 @@ def drift_of(coefficients: FloatArray, time_s: FloatArray) -> FloatArray:
     return trend * (2.0 * part - 1.0) + wave
 
 
+def anti_alias(values: FloatArray) -> FloatArray:
+    """Return the signals (n, ...), one row per ``ROW_S``, as the on-board logger filters them."""
+    return sosfiltfilt(butter(4, ALIAS_HZ, fs=1.0 / ROW_S, output='sos'), values, axis=0)
+
+
 def link_strains(rows: FloatArray, sheet: Sheet) -> FloatArray:
-    """Return ideal strains: (4 links, n, 4 gauges); 1 and 3 upper edge, 2 and 4 lower."""
+    """Return ideal strains: (4 links, n, 4 gauges); 1 and 3 upper edge, 2 and 4 lower.
+
+    ``rows`` are ``ROW_S`` apart; the logger's filter is in the result.
+    """
     column = {name: k for k, name in enumerate(RECORD)}
     strains = np.empty((4, rows.shape[0], 4))
     for k, link in enumerate(LINKS):
         side, first = link[:-2], {'a': 0, 'b': 30}[link[-1]]
-        axial = rows[:, column[f'force_{link}']] / sheet.section_stiffness_n
-        bend = BENDING * (
-            rows[:, column[f'n_{side}_{first}']] + rows[:, column[f'n_{side}_{first + 1}']]
-        )
+        axial = anti_alias(rows[:, column[f'force_{link}']]) / sheet.section_stiffness_n
+        normal = rows[:, column[f'n_{side}_{first}']] + rows[:, column[f'n_{side}_{first + 1}']]
+        bend = BENDING * anti_alias(normal)
         strains[k] = axial[:, None] + bend[:, None] * np.array([1.0, -1.0, 1.0, -1.0])
     return strains
 
 
 def specific_force(rows: FloatArray, sheet: Sheet) -> FloatArray:
-    """Return the specific force at the middle of step 0 in the step frame: (n, 3) m/s2."""
+    """Return the specific force at the middle of step 0 in the step frame: (n, 3) m/s2.
+
+    ``rows`` are ``ROW_S`` apart; the logger's filter is in the result.
+    """
     column = {name: k for k, name in enumerate(RECORD)}
     ax, ay, az = (rows[:, column[name]] for name in ('ax', 'ay', 'az'))
     up = az + sheet.gravity_m_s2
     cosine, sine = np.cos(rows[:, column['angle']]), np.sin(rows[:, column['angle']])
     tilt = rows[:, column['roll']] / TRACK_GAUGE_M
     z = -ax * sine + up * cosine
-    return np.stack([ax * cosine + up * sine, ay + tilt * z, z], axis=1)
-
-
-TRACK_GAUGE_M = 1.0  # m, left chain to right chain
+    return anti_alias(np.stack([ax * cosine + up * sine, ay + tilt * z, z], axis=1))
 
 
 def quantise(values: FloatArray, step: float) -> FloatArray:
@@ -108,15 +119,10 @@ def quantise(values: FloatArray, step: float) -> FloatArray:
 
 
 def sample_strains(
-    rows: FloatArray,
-    time_s: FloatArray,
-    kit: Instruments,
-    sheet: Sheet,
-    rng: np.random.Generator,
-    extra: FloatArray,
+    ideal: FloatArray, time_s: FloatArray, kit: Instruments, rng: np.random.Generator
 ) -> FloatArray:
     """Return the strains as the gauges see them, before resolution: (4, n, 4)."""
-    strains = (link_strains(rows, sheet) + extra) * kit.gauge_gain[:, None, :]
+    strains = ideal * kit.gauge_gain[:, None, :]
     for k in range(4):
         for g in range(4):
             strains[k, :, g] += kit.gauge_zero[k, g] + drift_of(kit.gauge_drift[k, g], time_s)
@@ -124,11 +130,11 @@ def sample_strains(
 
 
 def sample_acceleration(
-    rows: FloatArray, kit: Instruments, sheet: Sheet, rng: np.random.Generator
+    ideal: FloatArray, kit: Instruments, rng: np.random.Generator
 ) -> FloatArray:
     """Return the specific force in the sensor's axes, before resolution: (n, 3)."""
     turn = Rotation.from_rotvec(kit.rotation_deg, degrees=True)
-    seen = turn.inv().apply(specific_force(rows, sheet)) + kit.bias_m_s2
+    seen = turn.inv().apply(ideal) + kit.bias_m_s2
     return seen + rng.normal(0.0, ACCELERATION_NOISE, seen.shape)
 
 

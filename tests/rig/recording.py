@@ -12,6 +12,7 @@ from rig.instruments import (
     EPOCH_NS,
     GROUND_HZ,
     Instruments,
+    link_strains,
     LINKS,
     ONBOARD_HZ,
     PACKET_NS,
@@ -20,6 +21,7 @@ from rig.instruments import (
     REFLEX_STEP,
     sample_acceleration,
     sample_strains,
+    specific_force,
     stamps,
     STRAIN_STEP,
 )
@@ -53,27 +55,21 @@ class Signals:
     keep: dict[str, NDArray[np.bool_]]
 
 
-def sample(
-    rows: FloatArray,
-    kit: Instruments,
-    sheet: Sheet,
-    rng: np.random.Generator,
-    extra_strain: FloatArray | float = 0.0,
-) -> Signals:
+def sample(rows: FloatArray, kit: Instruments, sheet: Sheet, rng: np.random.Generator) -> Signals:
     """Sample the true signals, ``ROW_S`` apart, as both loggers do; each with its own phase."""
     onboard_every = round(1.0 / (ONBOARD_HZ * ROW_S))
     ground_every = round(1.0 / (GROUND_HZ * ROW_S))
     onboard = np.arange(int(rng.integers(onboard_every)), rows.shape[0], onboard_every)
     ground = np.arange(int(rng.integers(ground_every)), rows.shape[0], ground_every)
     time_s = onboard * ROW_S
-    strain = sample_strains(rows[onboard], time_s, kit, sheet, rng, extra_strain)
+    strain = sample_strains(link_strains(rows, sheet)[:, onboard], time_s, kit, rng)
     displacement = rows[ground, RECORD.index('u')] + kit.reflex_zero_m
     displacement = displacement + rng.normal(0.0, REFLEX_NOISE, ground.size)
     return Signals(
         onboard_s=time_s,
         ground_s=ground * ROW_S,
         strain=strain,
-        acceleration=sample_acceleration(rows[onboard], kit, sheet, rng),
+        acceleration=sample_acceleration(specific_force(rows, sheet)[onboard], kit, rng),
         displacement=displacement,
         keep={},
     )

@@ -28,6 +28,7 @@ from rig.measured import Measured, read_measured
 from rig.model import Model, RECORD
 from rig.run import ROW_S, run
 from rig.sheet import Sheet
+from rig.tolerances import explain, Explained
 from rig.travel import fit_travel, mean_speed, SETTLE_S, steady_loop, Travel
 
 TABLE_S = 0.1  # s, between entries of the speed table
@@ -110,9 +111,10 @@ class Verdict:
     without: dict[float, dict[str, Figure]]
     with_label: dict[float, dict[str, Figure]] | None
     most: tuple[float, str] | None  # band and channel where the label acts most
+    explained: Explained | None  # what is left after the tolerances are fitted as well
 
 
-def verify_one(path: Path, effects: list[Effect]) -> Verdict:
+def verify_one(path: Path, effects: list[Effect], fit_tolerances: bool = False) -> Verdict:
     """Compare one recording with the nominal machine, without and with its label."""
     measured = read_measured(path)
     sheet = Sheet()
@@ -123,7 +125,8 @@ def verify_one(path: Path, effects: list[Effect]) -> Verdict:
     base = follow(model, travel, measured)
     without = compare(truth, base)
     if not effects:
-        return Verdict(path.name, speed, without, None, None)
+        fitted = explain(measured, truth, base, model, travel) if fit_tolerances else None
+        return Verdict(path.name, speed, without, None, None, fitted)
     phase = 0.0
     if any(effect.cause in WITH_PHASE for effect in effects):
         tried = [follow(with_effects(model, effects, p), travel, measured) for p in PHASES]
@@ -135,7 +138,8 @@ def verify_one(path: Path, effects: list[Effect]) -> Verdict:
     said = with_faults(follow(altered, travel, measured), effects)
     unchanged = base if phase else follow(model, travel, measured)
     most = acts_most(unchanged, said)
-    return Verdict(path.name, speed, without, compare(truth, said), most)
+    fitted = explain(measured, truth, said, model, travel) if fit_tolerances else None
+    return Verdict(path.name, speed, without, compare(truth, said), most, fitted)
 
 
 def read_labels(path: Path) -> dict[str, list[Effect]]:
@@ -168,9 +172,23 @@ def show(verdict: Verdict) -> None:
             print(line + ('  <- acts most' if (cut_hz, name) == verdict.most else ''))
 
 
-def verify(shared: Path, names: list[str]) -> None:
+def show_explained(explained: Explained) -> None:
+    """Print what is left after the tolerances are fitted, and the tolerances found."""
+    left = ', '.join(
+        f'{name.split("/")[-1]} {value * (1e3 if name == TENSIONER else 1.0):.3g}'
+        for name, value in explained.residual.items()
+    )
+    found = ', '.join(f'{name} {value:+.1f}' for name, value in explained.found.items())
+    print(f'  2 Hz residual with tolerances fitted too: {left}')
+    print(f'  tolerances found, standard deviations: {found}')
+
+
+def verify(shared: Path, names: list[str], fit_tolerances: bool = False) -> None:
     """Print every seeded recording beside the rig."""
     seeded = shared / 'measured' / 'seeded'
     labels = read_labels(seeded / 'labels.yaml')
     for name in names or labels:
-        show(verify_one(seeded / name, labels[name]))
+        verdict = verify_one(seeded / name, labels[name], fit_tolerances)
+        show(verdict)
+        if verdict.explained is not None:
+            show_explained(verdict.explained)
