@@ -265,7 +265,8 @@ def part_document(speed, findings=(), **scores):
         'sides': {'link a': {'share': 0.5 + speed}},
         'sensor_pose': {},
         'quality': [
-            dict(zip(('kind', 'channel', 'from_s', 'to_s', 'detail'), f)) for f in findings
+            dict(zip(('kind', 'channel', 'from_s', 'to_s', 'detail'), f, strict=True))
+            for f in findings
         ],
         'overlay': {'of': speed},
     }

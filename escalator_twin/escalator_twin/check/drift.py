@@ -10,6 +10,7 @@ from escalator_twin.signals import Experiment, Finding, Floats, Recording, Signa
 QUANTITY = 'link_force'
 GRID_HZ = 10.0  # means over a tenth of a second
 BIN_NS = 100_000_000
+MOST_EMPTY = 100_000  # bins without samples that are held
 # A link's creep counts beyond this many times the thermal drift that its gauges may have: 5e-6
 # strain of the prototype's, twice and a half its 2e-6, half of the creep that matters.
 THERMAL = 2.5
@@ -25,6 +26,7 @@ class Course:
     def __init__(self, signal: Signal) -> None:
         self.first_ns = self.last_ns = int(signal.stamp_ns[0])
         self.n = 0
+        self.is_broken = False
         self._sums: list[tuple[int, Floats, Floats]] = []
         self.add(signal)
 
@@ -34,11 +36,15 @@ class Course:
             return
         bins = (signal.stamp_ns - self.first_ns) // BIN_NS
         low = int(bins[0])
+        self.n += len(signal.values)
+        self.last_ns = int(signal.stamp_ns[-1])
+        if low < 0 or int(bins[-1]) - low > 10 * len(bins) + MOST_EMPTY:
+            self.is_broken = True  # stamps all over the years
+        if self.is_broken:
+            return
         counts = np.bincount(bins - low).astype(np.float64)
         sums = np.bincount(bins - low, signal.values).astype(np.float64)
         self._sums.append((low, sums, counts))
-        self.n += len(signal.values)
-        self.last_ns = int(signal.stamp_ns[-1])
 
     @property
     def span_s(self) -> float:
@@ -126,7 +132,7 @@ def _standing_out(
 
 def _creep(course: Course, expected_s: float) -> float | None:
     """Return how much a signal changes over the recording, place by place; ``None``: unknown."""
-    if course.span_s * GRID_HZ > course.n:
+    if course.is_broken or course.span_s * GRID_HZ > course.n:
         return None  # mostly gaps
     values = course.means()
     if len(values) + 1 < (1.0 + MIN_OVERLAP) * expected_s * GRID_HZ:
