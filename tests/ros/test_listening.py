@@ -14,7 +14,7 @@ from .conftest import TOY
 from .programs import program
 from .test_replay import same
 
-pytestmark = [pytest.mark.ros, pytest.mark.issue(2), pytest.mark.issue(5)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.issue(2), pytest.mark.issue(5)]
 
 RATE = 3.0  # of the loggers, for the sake of the test's time
 

@@ -16,7 +16,7 @@ from escalator_twin.cli.main import main
 from .conftest import PROTOTYPE, SAMPLE
 from .programs import program
 
-pytestmark = [pytest.mark.ros, pytest.mark.issue(2), pytest.mark.issue(5)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.issue(2), pytest.mark.issue(5)]
 
 RATES = {1: 45.0, 10: 0.0}  # rate -> what of the 65 s is left out at the start, s
 SIMULATED = {

@@ -11,6 +11,8 @@ from .programs import program
 
 pytestmark = [pytest.mark.ros, pytest.mark.issue(2)]
 
+SETTLE_S = 0.5  # for a service to discover a new client, too
+
 
 class Client:
     """Calls services and collects messages, spinning the test's node."""
@@ -21,17 +23,20 @@ class Client:
         self.node = node
         self.executor = SingleThreadedExecutor(context=node.context)
         self.executor.add_node(node)
+        self.clients = {}
 
     def call(self, kind, name, **fields):
-        client = self.node.create_client(kind, name)
-        assert client.wait_for_service(60.0), name
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, name)
+            assert self.clients[name].wait_for_service(60.0), name
+            time.sleep(SETTLE_S)
+        client = self.clients[name]
         # on a busy machine the first answer may be lost while the client is being discovered
         for _ in range(3):
             future = client.call_async(kind.Request(**fields))
             self.executor.spin_until_future_complete(future, 20.0)
             if future.done():
                 break
-        self.node.destroy_client(client)
         assert future.done(), name
         return future.result()
 

@@ -1,6 +1,5 @@
 """The comparator as a node: a recording or live loggers beside the simulator."""
 
-from concurrent.futures import Future, ThreadPoolExecutor
 import sys
 from typing import Any
 
@@ -12,13 +11,13 @@ from escalator_twin.ros import comparator_status, diagnostics, qos
 from escalator_twin.ros.comparing import Comparing, Topics
 from escalator_twin.ros.files import find_machine
 from escalator_twin.ros.inbox import Inbox
-from escalator_twin.ros.link import Stopped
 from escalator_twin.ros.listening import Listening
 from escalator_twin.ros.parameters import declare
 from escalator_twin.ros.replay import Replay
 from escalator_twin.ros.replaying import replay
 from escalator_twin.ros.settings import ComparatorSettings
 from escalator_twin.ros.spin import Program, run
+from escalator_twin.ros.worker import Worker
 
 NAME = 'comparator'
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -45,31 +44,25 @@ class ComparatorNode(Program):
         self.listening = None if self.replay else Listening(self, self.comparing)
         self.create_service(Trigger, f'{NAME}/summarise', self._on_summarise)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._report)
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix='comparison')
-        self._work: Future[None] = self._worker.submit(self._do)
+        self._worker = Worker(self._do, 'comparison')
+        self._worker.start()
 
     def _do(self) -> None:
-        try:
-            if self.replay is not None:
-                replay(self.comparing, self.replay)
-            elif self.listening is not None:
-                self.listening.listen()
-        except Stopped:
-            self.comparing.state = 'stopped'
+        if self.replay is not None:
+            replay(self.comparing, self.replay)
+        elif self.listening is not None:
+            self.listening.listen()
 
     def is_over(self) -> bool:
         """Tell whether the process may end; raise what made the comparison fail."""
         if self.simulated.failure is not None:
             raise self.simulated.failure
-        if not self._work.done():
-            return False
-        self._work.result()
-        return self.settings.exit_at_end
+        return self._worker.is_done() and self.settings.exit_at_end
 
     def close(self) -> None:
         """Stop threads, finish the session."""
         self.comparing.closing.set()
-        self._worker.shutdown(wait=True)
+        self._worker.close()
         self.simulated.close()
         if self.listening is not None:
             self.listening.close()

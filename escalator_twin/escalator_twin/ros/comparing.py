@@ -18,12 +18,13 @@ from escalator_twin.machine import Machine
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.ros.files import write_json
-from escalator_twin.ros.link import SimulatorLink, Stopped
+from escalator_twin.ros.link import SimulatorLink
 from escalator_twin.ros.outputs import NS, Output
 from escalator_twin.ros.results import comparison_message, quality_message
 from escalator_twin.ros.session import note_aligned, Session
 from escalator_twin.ros.settings import ComparatorSettings
 from escalator_twin.ros.windows import cut_setting, span_of, window_s
+from escalator_twin.ros.worker import Stopped
 from escalator_twin.signals import Nanoseconds, Recording
 from escalator_twin.sync.travel import Travel
 

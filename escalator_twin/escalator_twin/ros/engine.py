@@ -15,6 +15,7 @@ from escalator_twin.errors import EscalatorError, ExperimentError
 from escalator_twin.machine import Machine
 from escalator_twin.ros.outputs import NS, sensors_of
 from escalator_twin.ros.run import Batch, Order, record_rate, Run
+from escalator_twin.ros.worker import CLOSING_S
 from escalator_twin.twin import make_simulation
 
 CHUNK_WALL_S = 0.02  # computed at once, in wall time
@@ -66,7 +67,7 @@ class Engine(threading.Thread):
         """End the thread."""
         self._closing.set()
         self.submit(lambda: None)
-        self.join()
+        self.join(CLOSING_S)
 
     def heard(self, listener: str, stamp_ns: int) -> None:
         """Note how far a listener has heard."""
@@ -129,8 +130,8 @@ class Engine(threading.Thread):
                 if self.run_now is not None and self._wait_s() == 0.0:
                     self._compute(self.run_now)
         except BaseException as failure:
-            self.failure = failure
-            raise
+            # what is published after the end is nobody's
+            self.failure = None if self._closing.is_set() else failure
 
     def _compute(self, run: Run) -> None:
         """Compute the next chunk."""

@@ -122,7 +122,6 @@ class Inbox(threading.Thread):
                     self._drain(source)
         except BaseException as failure:
             self.failure = failure
-            raise
 
     def _drain(self, source: Source) -> None:
         subscription = source.subscription

@@ -28,10 +28,6 @@ PATIENCE_S = 10.0  # of silence before a word is said about it
 TELL_S = 0.1  # of simulated time between two words on how far has been heard
 
 
-class Stopped(Exception):  # noqa: N818
-    """The node is to end; no error."""
-
-
 class SimulatorLink:
     """A simulator that runs elsewhere.
 
