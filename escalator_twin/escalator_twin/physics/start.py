@@ -37,8 +37,8 @@ def find_rest(
     ExperimentError
         Where no equilibrium is found.
     """
-    # dry friction on the carriage would let it creep to its place
-    free = p._replace(carriage_friction=0.0)
+    # the rack stands; dry friction on the carriage would let it creep to its place
+    free = p._replace(speed=0.0, carriage_friction=0.0)
     worst = np.inf
     for step_s in RELAX_STEPS_S:
         q = _polygon_pose(p, state, path, place_m)

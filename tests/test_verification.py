@@ -1,0 +1,28 @@
+"""The simulation against truth from outside: every figure with a bar meets it."""
+
+from importlib import import_module
+
+import pytest
+
+from escalator_twin.machine import load_machine
+from escalator_twin.verification.__main__ import MACHINES, PARTS
+from escalator_twin.verification.figure import Figure
+
+pytestmark = [pytest.mark.issue(3), pytest.mark.slow]
+
+
+@pytest.mark.parametrize('part', PARTS)
+def test_every_figure_meets_its_bar(root, part):
+    file = root / 'config' / 'machines' / MACHINES.get(part, 'prototype.yaml')
+    found = import_module(f'escalator_twin.verification.{part}').figures(load_machine(file))
+    barred = [figure for figure in found if figure.most is not None or figure.least is not None]
+    assert barred
+    missed = [figure.line() for figure in barred if not figure.holds]
+    assert not missed
+
+
+def test_a_figure_beyond_its_bar_is_told():
+    assert not Figure('a', 'b', 2.0, most=1.0).holds
+    assert not Figure('a', 'b', 0.0, least=1.0).holds
+    assert Figure('a', 'b', 1.0, most=1.0, least=0.5).holds
+    assert Figure('a', 'b', 2.0, most=1.0).line().startswith('!')
