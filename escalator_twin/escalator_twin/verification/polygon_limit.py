@@ -107,7 +107,7 @@ def figures(machine: Machine) -> list[Figure]:
                 '',
                 3.5,
                 2.5,
-            ),  # fmt: skip
+            ),
         ]
     for speed in (0.05, 0.25, 0.5):
         for load, preload in ((0.0, 3000.0), (0.0, 6000.0), (75.0, 3000.0)):
