@@ -1,4 +1,4 @@
-"""What must be kept: energy, where nothing takes it.
+"""What must be kept: energy without losses, the links' lengths, and rest where nothing drives.
 
 Energy is added up here from positions and velocities, by other formulas than the force law's:
 kinetic, gravity, links, contacts beyond the clearance, racking, lateral springs, the carriage on
@@ -11,14 +11,15 @@ import numpy as np
 
 from escalator_twin.machine import Machine
 from escalator_twin.physics.contact import table_at
-from escalator_twin.physics.parameters import Parameters
-from escalator_twin.physics.path import find_segment, START
+from escalator_twin.physics.parameters import make_parameters, Parameters
+from escalator_twin.physics.path import build_path, CARRIAGE, find_segment, point_at, START
 from escalator_twin.physics.rollout import Simulation
 from escalator_twin.signals import Floats
 from escalator_twin.verification.figure import Figure
-from escalator_twin.verification.trial import case, ideal, start
+from escalator_twin.verification.trial import case, ideal, start, STEP_S
 
 COAST_S = 10.0
+REST_S = 2.0
 SAMPLE_S = 0.05
 MOST_DRIFT = 0.1  # % of the kinetic energy
 
@@ -117,15 +118,75 @@ def energy_drift(machine: Machine, planar: bool = False, step_s: float = 1e-3) -
     return float(abs(slope) / kinetic.mean())
 
 
+def at_rest(machine: Machine, load_kg: float = 0.0) -> Simulation:
+    """Return a machine at rest, its rack standing, its rollers without resistance."""
+    experiment = case(0.5, load_kg=load_kg)
+    p = make_parameters(machine, experiment)
+    p = p._replace(rolling_resistance=p.rolling_resistance * 0.0, viscous_drag=0.0)
+    simulation = Simulation(machine, p, build_path(machine.guide), STEP_S)
+    simulation.start(5.0, settle_s=0.0)
+    simulation.parameters = p._replace(speed=0.0)
+    simulation.data.qvel[:] = 0.0
+    return simulation
+
+
+def length_miss(simulation: Simulation) -> float:
+    """Return by how much the sum of the links' lengths differs from free length and stretch, m.
+
+    The stretch is force over stiffness; at rest, for either side.
+    """
+    p, q = simulation.parameters, simulation.data.qpos
+    m, n = p.end_mass.shape
+    places = q[1:].reshape(n, 1 + 2 * m)[:, 1:].reshape(n, m, 2)
+    length = np.linalg.norm(np.roll(places, -1, axis=0) - places, axis=2).sum(axis=0)
+    stretched = (p.link_length + simulation.state.tension / p.link_stiffness).sum(axis=1)
+    return float(np.abs(length - stretched).max())
+
+
+def largest_speed(simulation: Simulation, duration_s: float) -> float:
+    """Return the largest speed (m/s) of anything while a simulation runs."""
+    worst = 0.0
+    for _ in range(round(duration_s / SAMPLE_S)):
+        simulation.advance(SAMPLE_S, 1.0 / SAMPLE_S, np.zeros((0, 3), np.int64))
+        worst = max(worst, float(np.abs(simulation.data.qvel).max()))
+    return worst
+
+
+def _carriage_unbalance(simulation: Simulation) -> float:
+    """Return preload and spring against what the rollers press on the carriage, N."""
+    p, state, u = simulation.parameters, simulation.state, float(simulation.data.qpos[0])
+    pressed = 0.0
+    for side, i in np.argwhere(p.segments[state.segment, CARRIAGE] == 1.0):
+        _, _, _, tz = point_at(p.segments, p.length_m, state.s[side, i], u)
+        pressed -= state.normal[side, i] * tz
+    return abs(float(p.preload - p.carriage_stiffness * u + pressed))
+
+
 def figures(machine: Machine) -> list[Figure]:
     """Return the figures of this page."""
-    drifts = (
-        ('two sides, exact guide', energy_drift(ideal(machine))),
-        ('two sides, clearance', energy_drift(cleared(machine))),
-        ('planar, clearance', energy_drift(cleared(machine), planar=True)),
-    )
-    name = 'energy drift over 10 s of the kinetic'
+    subject = 'conservation'
+    found = [
+        Figure(
+            subject, f'energy drift over 10 s of the kinetic, {name}', 100 * drift, '%', MOST_DRIFT
+        )
+        for name, drift in (
+            ('two sides, exact guide', energy_drift(ideal(machine))),
+            ('two sides, clearance', energy_drift(cleared(machine))),
+            ('planar, clearance', energy_drift(cleared(machine), planar=True)),
+        )
+    ]
+    simulation = at_rest(machine, load_kg=75.0)
+    speed = largest_speed(simulation, REST_S)
+    name = 'links: sum of lengths against free length and stretch'
     return [
-        Figure('conservation', f'{name}, {of}', 100 * drift, '%', MOST_DRIFT)
-        for of, drift in drifts
+        *found,
+        Figure(subject, name, 1e9 * length_miss(simulation), 'nm', 1.0),
+        Figure(subject, 'standstill, loaded: largest speed within 2 s', 1e6 * speed, 'um/s', 10.0),
+        Figure(
+            subject,
+            'standstill, loaded: unbalance of the carriage',
+            _carriage_unbalance(simulation),
+            'N',
+            0.1,
+        ),
     ]
