@@ -7,7 +7,7 @@ from rig.hidden import write_hidden
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
 from rig.samples import write_samples
-from rig.verify import verify
+from rig.verify import beside, verify
 
 
 def read_case(text: str) -> Case:
@@ -84,6 +84,8 @@ def parser() -> argparse.ArgumentParser:
     checked.add_argument('--shared', type=Path, required=True)
     checked.add_argument('--tolerances', action='store_true', help='fit these too, slower')
     checked.add_argument('--only', nargs='*', default=[], metavar='NAME')
+    other = verbs.add_parser('beside', help='show the nominal rig beside other recordings')
+    other.add_argument('bags', type=Path, nargs='+', metavar='BAG')
     return root
 
 
@@ -105,6 +107,8 @@ def main() -> None:
         write_samples(given.out)
     elif given.verb == 'hidden':
         write_hidden(given.n, given.seed, given.out, given.recordings, given.causes)
+    elif given.verb == 'beside':
+        beside(given.bags)
     elif given.verb == 'verify':
         verify(given.shared, given.only, given.tolerances)
 

@@ -275,7 +275,9 @@ NOT_LISTED: dict[str, Kind] = {
     ),
     'unlisted_misplaced_dog': Kind(of_machine(dogs=between(7, 7), offset_m=times(1e-3))),
     'unlisted_slipping_dog': Kind(
-        of_machine(force_N=lambda _rng, share: 3300.0 - 400.0 * share), needs_load=True
+        of_machine(
+            share_of_peak=lambda _rng, share: 1.0 - 0.04 * share
+        )  # more and the chain runs away
     ),
     'unlisted_leaking_preload': Kind(of_machine(rate_1_s=times(1e-3))),
     'unlisted_lateral_kink': Kind(lateral_kink),

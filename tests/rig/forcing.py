@@ -12,6 +12,7 @@ from rig.layout import (
     MODE,
     MODE_RATE,
     NO_DOG,
+    PULL,
     RACK,
     S_DESIGN,
     S_RATE,
@@ -88,6 +89,7 @@ def drive_forces(model, y, marks, slip, work, speed):
     for e in range(ends):
         s = work[S_DESIGN, e]
         share = ramp(s, model.drive_from, model.drive_to, model.drive_ramp)
+        work[PULL, e] = 0.0
         if share == 0.0:
             continue
         dog = marks[DOG, e]
@@ -102,6 +104,7 @@ def drive_forces(model, y, marks, slip, work, speed):
         pull = model.drive_k * (target - s) + model.drive_c * (target_rate - work[S_RATE, e])
         if abs(pull) > model.slip_force:
             pull = math.copysign(model.slip_force, pull)
+        work[PULL, e] = pull
         work[FT, e] += share * pull
         if model.mode_mass > 0.0:
             frame_pull -= share * pull * along

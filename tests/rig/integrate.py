@@ -21,6 +21,7 @@ from rig.layout import (
     MODE,
     NO_DOG,
     NORMAL,
+    PULL,
     RACK,
     S_DESIGN,
     SEGMENT,
@@ -112,6 +113,9 @@ def record(model, y, work, dy, row):
         row[17 + 4 * a] = work[NORMAL, a * half + half // 2]
         row[18 + 4 * a] = work[NORMAL, a * half + half // 2 + 1]
     row[13] = y[tail + MODE]
+    row[23] = 0.0
+    for e in range(ends):
+        row[23] = max(row[23], abs(work[PULL, e]))
     roll = work[Z, 0] + work[Z, 1] - work[Z, half] - work[Z, half + 1]
     row[14] = 0.5 * roll
 

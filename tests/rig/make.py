@@ -32,6 +32,7 @@ from rig.unlisted import UNLISTED, UNLISTED_FAULTS
 ALTERATIONS = {**MACHINE_CAUSES, **UNLISTED}
 ALL_FAULTS = {**FAULTS, **UNLISTED_FAULTS}
 SETTLE_S = 12.0  # s, until the start-up's transient is below the instruments' noise
+RELATIVE = {'share_of_motion', 'share_of_peak'}
 PILOT_S = 4.0  # s, two pitches at the lower speed
 STREAMS = ('machine', 'rail', 'run', 'instruments', 'effects', 'noise')
 
@@ -101,7 +102,7 @@ def make(order: Order) -> Made:
         wander=draw_wander(rng['run'], order.duration_s), wander_step=WANDER_STEP_S
     )
     model = lay_rails(model, None if order.is_nominal else rng['rail'])
-    order = resolve_stop(order, model, start)
+    order = resolve(order, model, start)
     model = apply_effects(model, order, rng['effects'])
     rows = run(model, start, SETTLE_S, order.duration_s)
     kit = draw_instruments(rng['instruments'])
@@ -110,20 +111,27 @@ def make(order: Order) -> Made:
     return Made(recording, truth_of(order, drawn, model, kit, rows, signals), rows)
 
 
-def resolve_stop(order: Order, model: Model, start: float) -> Order:
-    """Turn a stop at a share of the motion into a displacement, by a run without it.
+def resolve(order: Order, model: Model, start: float) -> Order:
+    """Turn sizes that only a run can tell into lengths and forces, by a run without them.
 
-    ``share_of_motion`` is 0 at the motion's mean and 1 at its outermost point.
+    ``share_of_motion`` of a stop is 0 at the carriage's mean position and 1 at its
+    outermost; ``share_of_peak`` of a slipping dog is the part of its largest pull that holds.
     """
+    if not any(RELATIVE & set(effect.parameters) for effect in order.effects):
+        return order
+    rows = run(model, start, SETTLE_S, PILOT_S)
+    u = rows[:, RECORD.index('u')]
+    middle = 0.5 * (u.max() + u.min())
+    peak = rows[:, RECORD.index('dog')].max()
     effects = []
     for effect in order.effects:
-        share = effect.parameters.get('share_of_motion')
-        if share is not None:
-            u = run(model, start, SETTLE_S, PILOT_S)[:, RECORD.index('u')]
-            middle = 0.5 * (u.max() + u.min())
-            met = float(middle + share * (u.max() - middle))
-            effect = replace(effect, parameters={'displacement_m': met})
-        effects.append(effect)
+        size = dict(effect.parameters)
+        if 'share_of_motion' in size:
+            met = middle + size.pop('share_of_motion') * (u.max() - middle)
+            size['displacement_m'] = float(met)
+        if 'share_of_peak' in size:
+            size['force_N'] = float(size.pop('share_of_peak') * peak)
+        effects.append(replace(effect, parameters=size))
     return replace(order, effects=tuple(effects))
 
 

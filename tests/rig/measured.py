@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from rig.bagfile import NS
+from rig.bagfile import IMU, NS
 from rig.instruments import JITTER_S, LATENCY_S, LINKS
 from rig.machine import Case
 from rig.sheet import Sheet
@@ -15,6 +15,13 @@ from rig.sheet import Sheet
 FloatArray = NDArray[np.float64]
 
 MEAN_LATENCY_S = LATENCY_S + JITTER_S * np.sqrt(2.0 / np.pi)  # s, of LATENCY_S + |N(0, JITTER_S)|
+
+
+ROW_OF = {  # how each type's row of numbers is read
+    'escalator_msgs/msg/LinkStrain': lambda message: message.strain,
+    'escalator_msgs/msg/TensionerDisplacement': lambda message: message.displacement,
+    IMU: lambda message: [getattr(message.linear_acceleration, axis) for axis in 'xyz'],
+}
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,7 @@ def read_measured(path: Path) -> Measured:
     with AnyReader([path]) as reader:
         for connection, bag_ns, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
-            name = connection.topic.removeprefix('/measured/')
+            name = connection.topic.removeprefix('/').partition('/')[2]  # measured or simulated
             if name == 'experiment':
                 case = Case(
                     message.set_speed,
@@ -65,22 +72,16 @@ def read_measured(path: Path) -> Measured:
                     message.preload,
                 )
                 continue
-            if name.endswith('strain'):
-                row = message.strain
-            elif name.endswith('acceleration'):
-                row = (
-                    message.linear_acceleration.x,
-                    message.linear_acceleration.y,
-                    message.linear_acceleration.z,
-                )
-            else:
-                row = message.displacement
+            read = ROW_OF.get(connection.msgtype)
+            if read is None:  # something beside the instruments
+                continue
+            row = read(message)
             stamp = message.header.stamp
             stamps.setdefault(name, []).append(stamp.sec * NS + stamp.nanosec)
             bags.setdefault(name, []).append(bag_ns)
             values.setdefault(name, []).append(row)
     if case is None:
-        raise ValueError(f'{path}: no message on /measured/experiment')
+        raise ValueError(f'{path}: no message on an experiment topic')
     origin = stamps['tensioner/displacement'][0]
     one = 'link/left_a/strain'
     section = Sheet().section_stiffness_n

@@ -134,4 +134,5 @@ RECORD = (
     'n_right_1',
     'n_right_30',
     'n_right_31',
+    'dog',  # largest pull of any dog
 )

@@ -192,3 +192,9 @@ def verify(shared: Path, names: list[str], fit_tolerances: bool = False) -> None
         show(verdict)
         if verdict.explained is not None:
             show_explained(verdict.explained)
+
+
+def beside(bags: list[Path]) -> None:
+    """Print other recordings, such as the twin's own, beside the nominal rig."""
+    for bag in bags:
+        show(verify_one(bag, []))
