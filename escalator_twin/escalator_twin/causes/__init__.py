@@ -2,6 +2,7 @@
 
 from escalator_twin.causes.application import (
     alter_imperfections,
+    alter_layout,
     alter_machine,
     alter_parameters,
     alter_recording,
@@ -9,10 +10,18 @@ from escalator_twin.causes.application import (
     check,
 )
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
-from escalator_twin.causes.registry import CAUSES, MACHINE_CAUSES, MEASUREMENT_CAUSES
+from escalator_twin.causes.registry import (
+    CAUSES,
+    FREE_BODY_CAUSES,
+    KNOWN,
+    MACHINE_CAUSES,
+    MEASUREMENT_CAUSES,
+)
 
 __all__ = [
     'CAUSES',
+    'FREE_BODY_CAUSES',
+    'KNOWN',
     'MACHINE_CAUSES',
     'MEASUREMENT_CAUSES',
     'Cause',
@@ -20,6 +29,7 @@ __all__ = [
     'Parameter',
     'Theta',
     'alter_imperfections',
+    'alter_layout',
     'alter_machine',
     'alter_parameters',
     'alter_recording',

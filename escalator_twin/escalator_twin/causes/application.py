@@ -6,9 +6,10 @@ import numpy as np
 
 from escalator_twin.causes.base import Cause
 from escalator_twin.causes.imperfections import Imperfections
-from escalator_twin.causes.registry import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.errors import MachineError
-from escalator_twin.machine import Deviation, Machine
+from escalator_twin.machine import Deviation, Machine, MultibodyMachine
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 from escalator_twin.signals import Recording
 
@@ -34,10 +35,16 @@ def check(machine: Machine, deviations: tuple[Deviation, ...]) -> tuple[Applied,
     applied = []
     for i, deviation in enumerate(deviations):
         where = f'{machine.source or machine.name}.deviations[{i}]'
-        cause = CAUSES.get(deviation.cause)
+        cause = KNOWN.get(deviation.cause)
         if cause is None:
             raise MachineError(
-                f'{where}.cause: expected one of {", ".join(CAUSES)}, found {deviation.cause!r}'
+                f'{where}.cause: expected one of {", ".join(KNOWN)}, found {deviation.cause!r}'
+            )
+        if not cause.acts_in(machine):
+            known = ', '.join(name for name, one in KNOWN.items() if one.acts_in(machine))
+            raise MachineError(
+                f'{where}.cause: expected one of a machine of {machine.physics}: {known}; '
+                f'found {deviation.cause!r}'
             )
         try:
             location = cause.locate(deviation.location, machine)
@@ -73,6 +80,14 @@ def alter_parameters(parameters: Parameters, machine: Machine) -> Parameters:
             hook = item.cause.alter_parameters
             parameters = hook(parameters, machine, item.location, item.theta)
     return parameters
+
+
+def alter_layout(layout: Layout, machine: MultibodyMachine) -> Layout:
+    """Return a network of free bodies as the machine's deviations leave it."""
+    for item in check(machine, machine.deviations):
+        if item.cause.alter_layout is not None:
+            layout = item.cause.alter_layout(layout, machine, item.location, item.theta)
+    return layout
 
 
 def alter_imperfections(

@@ -10,7 +10,8 @@ import numpy as np
 from escalator_twin.causes.imperfections import Imperfections
 from escalator_twin.causes.places import Location, Place
 from escalator_twin.errors import MachineError
-from escalator_twin.machine import Machine
+from escalator_twin.machine import Machine, MultibodyMachine
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 from escalator_twin.signals import Recording
 
@@ -18,6 +19,7 @@ Theta = Mapping[str, float]
 
 AlterMachine = Callable[[Machine, Location, Theta], Machine]
 AlterParameters = Callable[[Parameters, Machine, Location, Theta], Parameters]
+AlterLayout = Callable[[Layout, MultibodyMachine, Location, Theta], Layout]
 AlterImperfections = Callable[[Imperfections, Machine, Location, Theta], Imperfections]
 AlterRecording = Callable[[Recording, Machine, Location, Theta, np.random.Generator], Recording]
 
@@ -98,6 +100,10 @@ class Cause:
     alike : tuple of str
         Causes from which it may not be told apart, and under what condition the module says.
     source : str
+    alter_layout : callable, optional
+        The law for machines of free bodies, where another one does not serve them.
+    free_bodies : bool
+        Whether ``alter_machine`` serves machines of free bodies too.
     """
 
     name: str
@@ -113,15 +119,27 @@ class Cause:
     alter_parameters: AlterParameters | None = None
     alter_imperfections: AlterImperfections | None = None
     alter_recording: AlterRecording | None = None
+    alter_layout: AlterLayout | None = None
+    free_bodies: bool = False
 
     def __post_init__(self) -> None:
         hooks = [name for name in HOOKS if getattr(self, name) is not None]
-        if len(hooks) != 1:
+        # a law of numbers may be told for either kind of machine, or for free bodies alone
+        if len(hooks) != 1 and (hooks or self.alter_layout is None):
             raise ValueError(f'{self.name}: expected one hook, found {hooks}')
 
     @property
     def of_machine(self) -> bool:
         """Whether the machine is wrong, and not its measurement."""
+        hooks = self.alter_machine, self.alter_parameters, self.alter_layout
+        return any(hook is not None for hook in hooks)
+
+    def acts_in(self, machine: Machine) -> bool:
+        """Whether the cause has a law for machines of this kind."""
+        if not self.of_machine:
+            return True
+        if isinstance(machine, MultibodyMachine):
+            return self.alter_layout is not None or self.free_bodies
         return self.alter_machine is not None or self.alter_parameters is not None
 
     @property

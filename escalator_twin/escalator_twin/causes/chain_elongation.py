@@ -17,9 +17,12 @@ Alike
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
+from escalator_twin.causes.bodies import chain_links, share_of, with_column
 from escalator_twin.causes.places import SIDE_OR_BOTH, text
 from escalator_twin.causes.sides import add_mean
-from escalator_twin.machine import Machine
+from escalator_twin.machine import Machine, MultibodyMachine
+from escalator_twin.physics.multibody import network as net
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 
 
@@ -33,6 +36,14 @@ def alter_parameters(
     return parameters._replace(link_length=length)
 
 
+def alter_layout(
+    layout: Layout, _machine: MultibodyMachine, location: Location, theta: Theta
+) -> Layout:
+    """Return free bodies with all links of the chain longer, by the mean of both sides."""
+    length = theta['length_m'] * share_of(text(location, 'side'))
+    return with_column(layout, 'link', chain_links(layout), net.L_FREE, length)
+
+
 CAUSE = Cause(
     name='chain_elongation',
     law='length added to every link of the side or sides',
@@ -43,4 +54,5 @@ CAUSE = Cause(
     locked_to=('travel', 'guide', 'side'),
     alike=('landing_length',),
     alter_parameters=alter_parameters,
+    alter_layout=alter_layout,
 )

@@ -19,7 +19,10 @@ Alike
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
-from escalator_twin.machine import Machine
+from escalator_twin.causes.bodies import with_column
+from escalator_twin.machine import Machine, MultibodyMachine
+from escalator_twin.physics.multibody import network as net
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 
 
@@ -30,6 +33,14 @@ def alter_parameters(
     if theta['rise'] == 0.0:
         return parameters
     return parameters._replace(friction_rise=theta['rise'], friction_speed=theta['speed_m_s'])
+
+
+def alter_layout(layout: Layout, _machine: MultibodyMachine, _: Location, theta: Theta) -> Layout:
+    """Return free bodies whose rollers' resistance falls with speed."""
+    if theta['rise'] == 0.0:
+        return layout
+    layout = with_column(layout, 'drag', slice(None), net.D_RISE, theta['rise'], 0.0)
+    return with_column(layout, 'drag', slice(None), net.D_FADE, theta['speed_m_s'], 0.0)
 
 
 CAUSE = Cause(
@@ -45,4 +56,5 @@ CAUSE = Cause(
     locked_to=('guide', 'load'),
     alike=('rolling_resistance',),
     alter_parameters=alter_parameters,
+    alter_layout=alter_layout,
 )

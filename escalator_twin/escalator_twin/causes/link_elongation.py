@@ -17,9 +17,12 @@ every curve on both sides.
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
+from escalator_twin.causes.bodies import with_column
 from escalator_twin.causes.places import BOTH, integer, LINK
 from escalator_twin.causes.sides import add_mean
-from escalator_twin.machine import Machine
+from escalator_twin.machine import Machine, MultibodyMachine
+from escalator_twin.physics.multibody import network as net
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 
 
@@ -31,6 +34,13 @@ def alter_parameters(
     return parameters._replace(link_length=length)
 
 
+def alter_layout(
+    layout: Layout, _machine: MultibodyMachine, location: Location, theta: Theta
+) -> Layout:
+    """Return free bodies with one link longer."""
+    return with_column(layout, 'link', integer(location, 'link'), net.L_FREE, theta['length_m'])
+
+
 CAUSE = Cause(
     name='link_elongation',
     law='length added to one link, both sides',
@@ -40,4 +50,5 @@ CAUSE = Cause(
     acts_on=('carriage_displacement', 'link_force', 'step_acceleration', 'roller_normal_force'),
     locked_to=('link',),
     alter_parameters=alter_parameters,
+    alter_layout=alter_layout,
 )

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from escalator_twin.errors import MachineError
 from escalator_twin.machine import Machine
+from escalator_twin.physics.course import course_of
 from escalator_twin.physics.parameters import SIDES
-from escalator_twin.physics.path import build_path
 
 Values = tuple[object, ...]
 Location = Mapping[str, object]
@@ -84,7 +84,7 @@ def coordinate(key: str) -> Place:
     """Return a place that is a path coordinate, m, on the design path."""
 
     def check(value: object, machine: Machine) -> object:
-        length = build_path(machine.guide).length_m
+        length = course_of(machine).length_m
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise _wrong(key, f'a number from 0 to {length:.4f} m', value)
         if not 0.0 <= value <= length:

@@ -14,8 +14,10 @@ from escalator_twin.causes import (
     gauge_dead,
     gauge_drift,
     gauge_gain,
+    gear_eccentricity,
     guide_drag,
     guide_step,
+    handrail_drag,
     landing_length,
     link_elongation,
     link_stiffness,
@@ -73,3 +75,9 @@ MEASUREMENT_CAUSES: dict[str, Cause] = {
     'sensor_spikes': sensor_spikes.CAUSE,
 }
 CAUSES: dict[str, Cause] = MACHINE_CAUSES | MEASUREMENT_CAUSES
+# beside these, of machines of free bodies alone
+FREE_BODY_CAUSES: dict[str, Cause] = {
+    'gear_eccentricity': gear_eccentricity.CAUSE,
+    'handrail_drag': handrail_drag.CAUSE,
+}
+KNOWN: dict[str, Cause] = CAUSES | FREE_BODY_CAUSES

@@ -17,9 +17,12 @@ None: the step follows one axle round the loop.
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
+from escalator_twin.causes.bodies import with_column
 from escalator_twin.causes.places import AXLE, integer, SIDE, text
 from escalator_twin.causes.sides import add_sum
-from escalator_twin.machine import Machine
+from escalator_twin.machine import Machine, MultibodyMachine
+from escalator_twin.physics.multibody import network as net
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 
 
@@ -33,6 +36,13 @@ def alter_parameters(
     return parameters._replace(roller_drag=drag)
 
 
+def alter_layout(
+    layout: Layout, _machine: MultibodyMachine, location: Location, theta: Theta
+) -> Layout:
+    """Return free bodies with dry drag on one chain roller, whether it turns or not."""
+    return with_column(layout, 'drag', integer(location, 'axle'), net.D_DRY, theta['force_N'])
+
+
 CAUSE = Cause(
     name='roller_drag',
     law='extra dry drag of one roller',
@@ -42,4 +52,5 @@ CAUSE = Cause(
     acts_on=('link_force', 'carriage_displacement', 'step_acceleration', 'roller_normal_force'),
     locked_to=('link', 'side'),
     alter_parameters=alter_parameters,
+    alter_layout=alter_layout,
 )

@@ -36,4 +36,5 @@ CAUSE = Cause(
     locked_to=('guide', 'load'),
     alike=('friction_speed', 'tensioner_preload'),
     alter_machine=alter_machine,
+    free_bodies=True,
 )

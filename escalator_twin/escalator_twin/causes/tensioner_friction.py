@@ -45,4 +45,5 @@ CAUSE = Cause(
     locked_to=('travel',),
     alike=('tensioner_stop',),
     alter_machine=alter_machine,
+    free_bodies=True,
 )

@@ -17,7 +17,10 @@ Alike
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
-from escalator_twin.machine import Machine
+from escalator_twin.causes.bodies import with_column
+from escalator_twin.machine import Machine, MultibodyMachine
+from escalator_twin.physics.multibody import network as net
+from escalator_twin.physics.multibody.layout import Layout
 from escalator_twin.physics.parameters import Parameters
 
 
@@ -26,6 +29,11 @@ def alter_parameters(
 ) -> Parameters:
     """Return ``parameters`` with the preload scaled."""
     return parameters._replace(preload=parameters.preload * theta['factor'])
+
+
+def alter_layout(layout: Layout, _machine: MultibodyMachine, _: Location, theta: Theta) -> Layout:
+    """Return free bodies with the lower gear's preload scaled."""
+    return with_column(layout, 'part', 0, net.P_PUSH, 0.0, theta['factor'])
 
 
 CAUSE = Cause(
@@ -38,4 +46,5 @@ CAUSE = Cause(
     locked_to=('travel', 'guide'),
     alike=('tensioner_stiffness', 'rolling_resistance'),
     alter_parameters=alter_parameters,
+    alter_layout=alter_layout,
 )

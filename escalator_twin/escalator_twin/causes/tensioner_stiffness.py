@@ -38,4 +38,5 @@ CAUSE = Cause(
     locked_to=('travel',),
     alike=('tensioner_preload',),
     alter_machine=alter_machine,
+    free_bodies=True,
 )

@@ -127,7 +127,6 @@ def end_forces(p: Parameters, state: State, q: Floats, v: Floats, w: Floats, h: 
     taken at the mean of the gap, ``gap + h^2/4 gap''``: what the axle's and the moving parts'
     accelerations add to ``gap''`` goes into the system, what the path's curvature adds is known.
     """
-    # A NamedTuple's array costs a count at each use through the tuple: take it out once.
     segments, survey, length_m, gravity = p.segments, p.survey, p.length_m, p.gravity
     end_mass, law_of, drag_of = p.end_mass, p.rolling_resistance, p.roller_drag
     eccentricity, flat, guide_drag = p.eccentricity, p.flat, p.guide_drag

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from escalator_twin.errors import MachineError
-from escalator_twin.physics.compiled import compiled
+from escalator_twin.physics.compiled import allocating, compiled
 from escalator_twin.physics.path import GuidePath, point_at
 from escalator_twin.signals import Floats
 
@@ -28,7 +28,7 @@ def next_place(
     return guess
 
 
-@compiled
+@allocating
 def walk(
     segments: Floats, length: float, s: float, u: float, chords: Floats, sign: float
 ) -> Floats:

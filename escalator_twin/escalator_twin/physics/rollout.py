@@ -76,11 +76,14 @@ class Trace:
         One column a probe, SI.
     place_m : (n,) float64
         Path coordinate of axle 0, mean of both sides, unwrapped in time.
+    rack_m : float
+        The rack's travel at the start, signed, m: where its dogs stand, modulo their spacing.
     """
 
     time_s: Floats
     columns: Floats
     place_m: Floats
+    rack_m: float = 0.0
 
 
 class Simulation:
@@ -230,7 +233,8 @@ class Simulation:
             raise ExperimentError(
                 f'rate: expected one that divides {1.0 / self.step_s:.6g} Hz, found {rate_hz} Hz'
             )
-        record = np.zeros((-(-n_steps // stride), len(probes)))
+        width = run.width_of(probes, self.machine.chain.n_links)
+        record = np.zeros((-(-n_steps // stride), width))
         run.advance(
             self.parameters, self.state, self.host, self.step_s, n_steps, stride, probes, record
         )
@@ -243,7 +247,8 @@ class Simulation:
         """Run and record sensors beside the way of axle 0."""
         n = self.machine.chain.n_links
         probes = np.array([probe_of(s, n) for s in sensors] + [(run.PLACE, 0, 0)], dtype=np.int64)
+        rack = float(self.state.rack[TRAVEL])
         record = self.advance(duration_s, rate_hz, probes)
         length = self.path.length_m
         place = np.unwrap(record[:, -1], period=length)
-        return Trace(np.arange(len(record)) / rate_hz, record[:, :-1], place)
+        return Trace(np.arange(len(record)) / rate_hz, record[:, :-1], place, rack)

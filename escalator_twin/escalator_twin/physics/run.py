@@ -14,7 +14,8 @@ from escalator_twin.physics.state import State, TIME, TRAVEL
 from escalator_twin.signals import Floats
 
 # What a recorded column is; the index columns follow in rows of probes: (kind, index, side).
-LINK_FORCE, ROLLER_NORMAL, CARRIAGE, ACCEL_X, ACCEL_Y, ACCEL_Z, PLACE, RACK = range(8)
+LINK_FORCE, ROLLER_NORMAL, CARRIAGE, ACCEL_X, ACCEL_Y, ACCEL_Z, PLACE, RACK, FRAME = range(9)
+EVERYTHING = 9  # a single probe: one row holds all that ``read_all`` writes
 
 
 class Host(NamedTuple):
@@ -51,6 +52,8 @@ def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, si
         return (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
     if kind == RACK:
         return state.rack[TRAVEL]
+    if kind == FRAME:
+        return state.reaction[base - 1]
     k = index + 1 if index + 1 < n else 0
     i, j = base + index * stride, base + k * stride
     if kind == ACCEL_Y:
@@ -67,6 +70,44 @@ def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, si
     return (az * ex - ax * ez) / length
 
 
+def width_of(probes: NDArray[np.int64], n_links: int) -> int:
+    """Return how many columns a record with these probes has."""
+    is_all = len(probes) == 1 and probes[0, 0] == EVERYTHING
+    return 3 + 5 * n_links if is_all else len(probes)
+
+
+@compiled
+def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
+    """Write place of axle 0, rack's travel, carriage, all links and the steps' accelerations.
+
+    In this order: place, travel, carriage, tensions of the left links, of the right, accelerations along
+    x of all steps, along y, along z.
+    """
+    out, base = state.acceleration, len(state.reaction)
+    m, n = state.s.shape
+    stride = 1 + 2 * m
+    share = 1.0 if m == 2 else 0.5
+    s, other, half = state.s[0, 0], state.s[m - 1, 0], 0.5 * p.length_m
+    row[0] = (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
+    row[1] = state.rack[TRAVEL]
+    row[2] = q[0]
+    for i in range(n):
+        k = i + 1 if i + 1 < n else 0
+        a, b = base + i * stride, base + k * stride
+        row[3 + i] = share * state.tension[0, i]
+        row[3 + n + i] = share * state.tension[m - 1, i]
+        ax, az, ex, ez = 0.0, p.gravity, 0.0, 0.0
+        for c in range(m):
+            ax += (out[a + 1 + 2 * c] + out[b + 1 + 2 * c]) / (2.0 * m)
+            az += (out[a + 2 + 2 * c] + out[b + 2 + 2 * c]) / (2.0 * m)
+            ex += state.direction[c, i, 0]
+            ez += state.direction[c, i, 1]
+        length = np.sqrt(ex * ex + ez * ez)
+        row[3 + 2 * n + i] = (ax * ex + az * ez) / length
+        row[3 + 3 * n + i] = 0.5 * (out[a] + out[b])
+        row[3 + 4 * n + i] = (az * ex - ax * ez) / length
+
+
 @compiled
 def advance(
     p: Parameters, state: State, host: Host, h: float, n_steps: int, stride: int,
@@ -75,10 +116,12 @@ def advance(
     """Run ``n_steps`` steps of ``h`` seconds; record every ``stride``-th from the first on."""
     q, w, acceleration, applied = host.q, host.w, host.acceleration, host.applied
     mass, weight, rack, roll, speed = host.mass, host.weight, state.rack, state.roll, state.speed
-    out, v = state.acceleration, np.zeros(len(host.q))
+    out, v = state.acceleration, state.velocity
     for k in range(n_steps):
         accelerations(p, state, q, w, v, h)
-        if k % stride == 0:
+        if k % stride == 0 and len(probes) == 1 and probes[0, 0] == EVERYTHING:
+            read_all(p, state, q, record[k // stride])
+        elif k % stride == 0:
             for c in range(len(probes)):
                 record[k // stride, c] = read_probe(
                     p, state, q, probes[c, 0], probes[c, 1], probes[c, 2]
@@ -117,7 +160,7 @@ def relax(
     residual : float
         Largest speed at the end, m/s.
     """
-    v, out = np.zeros(len(q)), state.acceleration
+    v, out = state.velocity, state.acceleration
     keep = 1.0 - h * rate
     worst = 0.0
     for k in range(n_steps):

@@ -26,6 +26,7 @@ class State(NamedTuple):
     normal: Floats  # (m, n) contact force, N, positive on the lower track
     tension: Floats  # (m, n)
     acceleration: Floats  # (nv,) of the last step
+    velocity: Floats  # (nv,) at the step itself, extrapolated
     direction: Floats  # (m, n, 2) of the links
     force: Floats  # (m, n, 2) on the axle ends, N
     inverse: Floats  # (m, n, 3): xx, xz, zz of an end's effective inverse mass
@@ -49,6 +50,7 @@ def make_state(n_sides: int, n_axles: int, n_coordinates: int, n_moving: int) ->
         normal=np.zeros(shape),
         tension=np.zeros(shape),
         acceleration=np.zeros(n_coordinates),
+        velocity=np.zeros(n_coordinates),
         direction=np.zeros((*shape, 2)),
         force=np.zeros((*shape, 2)),
         inverse=np.zeros((*shape, 3)),

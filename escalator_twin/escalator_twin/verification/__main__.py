@@ -1,31 +1,68 @@
-"""``python -m escalator_twin.verification [PART...]``: the figures of docs/verification.md."""
+"""``python -m escalator_twin.verification [PART...] [--plots FOLDER]``: docs/verification.md again.
 
+Prints every figure beside its bar, ``+`` where it holds and ``!`` where it does not; the exit
+status is 1 where one does not.
+"""
+
+import argparse
 from importlib import import_module
+from pathlib import Path
 import sys
 
 from escalator_twin.machine import load_machine
+from escalator_twin.verification.figure import Figure
 from escalator_twin.verification.trial import machines_folder
 
-PARTS = ('polygon_limit', 'curves', 'wheel', 'statics', 'conservation')
+PARTS = (
+    'polygon_limit',
+    'wheel',
+    'curves',
+    'statics',
+    'conservation',
+    'convergence',
+    'symmetry',
+    'gravity',
+)
+WITH_RECORDINGS = (*PARTS, 'recordings')
 MACHINES = {'wheel': 'prototype_wheel.yaml'}
 
 
 def main() -> int:
-    """Print every figure beside its bar; return 1 where one does not hold."""
-    names = sys.argv[1:] or PARTS
-    unknown = [name for name in names if name not in PARTS]
+    """Print the figures of all parts, or of those that are named; write plots where asked."""
+    parser = argparse.ArgumentParser(prog='python -m escalator_twin.verification')
+    parser.add_argument('part', nargs='*', help=', '.join(WITH_RECORDINGS))
+    parser.add_argument('--plots', type=Path, metavar='FOLDER', help='write the plots there')
+    arguments = parser.parse_args()
+    unknown = [name for name in arguments.part if name not in WITH_RECORDINGS]
     if unknown:
-        print(f'{unknown[0]}: expected one of {", ".join(PARTS)}', file=sys.stderr)
-        return 2
-    status = 0
-    for name in names:
+        parser.error(f'{unknown[0]}: expected some of {", ".join(WITH_RECORDINGS)}')
+    missed = 0
+    for name in arguments.part or WITH_RECORDINGS:
+        part = import_module(f'escalator_twin.verification.{name}')
         machine = load_machine(machines_folder() / MACHINES.get(name, 'prototype.yaml'))
-        found = import_module(f'escalator_twin.verification.{name}').figures(machine)
-        print(f'\n{found[0].subject}')
-        for figure in found:
-            print(figure.line(), flush=True)
-            status |= not figure.holds
-    return int(status)
+        if arguments.plots is not None:
+            write_plots(part.plots(machine) if hasattr(part, 'plots') else {}, arguments.plots)
+            continue
+        missed += print_figures(part.figures(machine))
+    return int(missed > 0)
+
+
+def print_figures(figures: list[Figure]) -> int:
+    """Print figures under their subjects; return how many do not hold."""
+    subject = ''
+    for figure in figures:
+        if figure.subject != subject:
+            subject = figure.subject
+            print(f'\n{subject}')
+        print(figure.line(), flush=True)
+    return sum(not figure.holds for figure in figures)
+
+
+def write_plots(plots: dict[str, str], folder: Path) -> None:
+    """Write plots by file name into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in plots.items():
+        (folder / name).write_text(text, encoding='utf-8')
 
 
 if __name__ == '__main__':

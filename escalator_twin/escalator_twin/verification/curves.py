@@ -12,11 +12,15 @@ import numpy as np
 from escalator_twin.machine import Machine
 from escalator_twin.physics import run
 from escalator_twin.physics.path import build_path
+from escalator_twin.physics.profile import circular
+from escalator_twin.physics.profile import compensated as profile
 from escalator_twin.signals import Experiment
 from escalator_twin.verification.figure import Figure
+from escalator_twin.verification.plot import Line, svg
 from escalator_twin.verification.polygon_limit import (
     first_harmonic,
     machine_motion,
+    PHASES,
     polygon_motion,
 )
 from escalator_twin.verification.trial import case, ideal, start
@@ -113,3 +117,31 @@ def figures(machine: Machine) -> list[Figure]:
                 ),
             ]
     return found
+
+
+def plots(machine: Machine) -> dict[str, str]:
+    """Return plots by file name."""
+    guide, pitch = machine.guide, machine.chain.pitch_m
+    shapes, lines = {}, []
+    for label, curve in (
+        ('circle', circular(np.pi, guide.turnaround_radius_m)),
+        ('compensated', profile(np.pi, guide.turnaround_radius_m, pitch)),
+    ):
+        length, turn = np.array(curve).T
+        ends = np.repeat(np.concatenate([[0.0], np.cumsum(length)]), 2)
+        bend = np.concatenate([[0.0], np.repeat(turn / length, 2), [0.0]])
+        lines.append(Line(label, ends, bend))
+    title = 'Turnaround: curvature along the path'
+    shapes['profile.svg'] = svg(title, 'path, m', 'curvature, 1/m', lines)
+    phase = np.arange(PHASES) / PHASES
+    lines = []
+    for label, one in (
+        ('circular', machine),
+        ('turnarounds compensated', compensated(machine, transitions=False)),
+        ('all compensated', compensated(machine)),
+    ):
+        u = machine_motion(one, case(0.5))
+        lines.append(Line(label, phase, 1e3 * (u - u.mean())))
+    title = 'Carriage of the elastic machine at 0.5 m/s, mean removed'
+    shapes['curves.svg'] = svg(title, 'phase, pitches', 'displacement, mm', lines)
+    return shapes

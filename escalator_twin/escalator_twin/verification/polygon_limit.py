@@ -14,6 +14,7 @@ from escalator_twin.physics.path import build_path, GuidePath
 from escalator_twin.physics.polygon import inscribe
 from escalator_twin.signals import Experiment, Floats
 from escalator_twin.verification.figure import Figure
+from escalator_twin.verification.plot import Line, svg
 from escalator_twin.verification.trial import case, ideal, start
 
 FROM_M = 2.0  # on the straight incline, where a place recurs after exactly one pitch
@@ -115,3 +116,18 @@ def figures(machine: Machine) -> list[Figure]:
             name = f'as designed, {speed} m/s, {load:g} kg, {preload:g} N: peak to peak'
             found.append(Figure(subject, name, 100 * span, '%'))
     return found
+
+
+def plots(machine: Machine) -> dict[str, str]:
+    """Return plots by file name."""
+    plain, pitch = ideal(machine), machine.chain.pitch_m
+    phase = np.arange(PHASES) / PHASES
+    curves = {
+        'rigid polygon': polygon_motion(build_path(plain.guide), machine.chain.n_links, pitch),
+        'links and guide x 30, 0.25 m/s': machine_motion(plain, case(0.25), FACTORS[1]),
+        'as designed, 0.25 m/s': machine_motion(machine, case(0.25)),
+        'as designed, 0.5 m/s': machine_motion(machine, case(0.5)),
+    }
+    lines = [Line(label, phase, 1e3 * (u - u.mean())) for label, u in curves.items()]
+    title = 'Carriage over one pitch, mean removed'
+    return {'polygon.svg': svg(title, 'phase, pitches', 'displacement, mm', lines)}

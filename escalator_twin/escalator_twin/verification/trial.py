@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from escalator_twin.physics.rollout import Simulation
 from escalator_twin.signals import Experiment, Floats
 
 STEP_S = 1e-3
-LENGTHENED = np.sqrt  # damping grows so that its share of the critical one stays
 
 
 def ideal(machine: Machine) -> Machine:
@@ -65,7 +65,7 @@ def start(
     planar: bool = True,
     step_s: float = STEP_S,
     factor: float = 1.0,
-    **changes: object,
+    **changes: Any,
 ) -> Trial:
     """Start a machine whose links and guide are ``factor`` times stiffer.
 
@@ -83,7 +83,7 @@ def start(
         Time step, s.
     factor : float
         1 for the machine as it is.
-    **changes : object
+    **changes : float or array
         Other parameters of the force law.
     """
     p = stiffened(make_parameters(machine, experiment, planar), factor)._replace(**changes)

@@ -17,6 +17,7 @@ from escalator_twin.machine import Machine
 from escalator_twin.physics import run
 from escalator_twin.signals import Floats
 from escalator_twin.verification.figure import Figure
+from escalator_twin.verification.plot import Line, svg
 from escalator_twin.verification.trial import case, ideal, start
 
 SPEED_M_S = 0.5
@@ -47,9 +48,11 @@ def simulated_speed(machine: Machine, factor: float, direction: int) -> tuple[Fl
     p = start(machine, case(SPEED_M_S, direction), 5.0, factor=1.0).simulation.parameters
     edge = p.drive_end if direction > 0 else p.drive_start
     pitch = machine.chain.pitch_m
-    seats = {'drive_stiffness': p.drive_stiffness * factor}
+    seats = p.drive_stiffness * factor
     before = edge - direction * BEFORE_PITCHES * pitch
-    trial = start(machine, case(SPEED_M_S, direction), before, factor=factor, **seats)
+    trial = start(
+        machine, case(SPEED_M_S, direction), before, factor=factor, drive_stiffness=seats
+    )
     duration = (BEFORE_PITCHES + 1.2) * pitch / abs(trial.simulation.chain_speed_m_s)
     place = trial.record(round(duration, 2), RATE_HZ, (run.PLACE, 0, 0))[:, 0]
     way = direction * (place - edge)
@@ -79,3 +82,19 @@ def figures(machine: Machine) -> list[Figure]:
     exact = leaving_speed(machine.guide.turnaround_radius_m, machine.chain.pitch_m, SPEED_M_S)[1]
     ripple = 100 * np.ptp(exact) / SPEED_M_S
     return [*found, Figure(subject, 'ripple of the speed itself, peak to peak', ripple, '%')]
+
+
+def plots(machine: Machine) -> dict[str, str]:
+    """Return plots by file name."""
+    pitch = machine.chain.pitch_m
+    way, speed = leaving_speed(machine.guide.turnaround_radius_m, pitch, SPEED_M_S)
+    lines = [Line('eq. (2)', way / pitch, speed)]
+    for label, one, factor in (
+        ('stiff limit (x 30)', ideal(machine), STIFF),
+        ('as designed', machine, 1.0),
+    ):
+        way, speed = simulated_speed(one, factor, 1)
+        on = (way > 0.0) & (way < pitch)
+        lines.append(Line(label, way[on] / pitch, speed[on]))
+    title = 'Speed of a roller that leaves the wheel, 0.5 m/s at the pitch circle'
+    return {'wheel.svg': svg(title, 'way since the wheel, pitches', 'speed, m/s', lines)}

@@ -1,19 +1,12 @@
-"""The machine description: frozen dataclasses that mirror the YAML, key by key."""
+"""A machine of linked axles: frozen dataclasses that mirror the YAML, key by key."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from math import pi, sin
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from escalator_twin.errors import MachineError
-from escalator_twin.schema import build
 from escalator_twin.signals import Experiment
 
-SAFE = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # the compiled one is six times faster
-SCHEMA = 'escalator_twin/machine/1'
 DIRECTIONS = {'up': 1, 'down': -1}
 
 
@@ -253,6 +246,7 @@ class Machine:
     experiment: DefaultExperiment
     instruments: Instruments
     deviations: tuple[Deviation, ...] = ()
+    provenance: dict[str, object] = field(default_factory=dict)  # of an extended machine
     source: Path | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict)
 
@@ -266,160 +260,3 @@ class Machine:
             given.preload_n,
             machine=self.name,
         )
-
-
-PHYSICS: dict[str, type[Machine]] = {'linked_chain': Machine}
-DRIVE_KINDS = ('linear', 'wheel')
-PROFILES = ('circular', 'compensated')
-SEAT_FIT = 1e-3  # relative, of a wheel's radius to its chain
-POSITIVE = (
-    ('chain', 'pitch_m'),
-    ('chain', 'mass_per_pitch_kg'),
-    ('chain', 'link_stiffness_n_m'),
-    ('roller', 'contact_stiffness_n_m'),
-    ('roller', 'creep_speed_m_s'),
-    ('guide', 'turnaround_radius_m'),
-    ('drive', 'length_m'),
-    ('drive', 'stiffness_n_m'),
-    ('tensioner', 'mass_kg'),
-    ('tensioner', 'stiffness_n_m'),
-    ('lateral', 'stiffness_n_m'),
-)
-
-
-def load_machine(path: str | Path) -> Machine:
-    """Read a machine description.
-
-    A file may hold ``extends: other.yaml`` (beside it): then it gives only what differs;
-    mappings are merged key by key, lists replaced.
-
-    Raises
-    ------
-    MachineError
-        Where the file cannot be read or a key is unknown, missing or of the wrong type.
-    """
-    path = Path(path)
-    data = _read(path, ())
-    found = data.get('schema')
-    if found != SCHEMA:
-        raise MachineError(f'{path}: schema: expected {SCHEMA!r}, found {found!r}')
-    physics = data.get('physics')
-    if physics not in PHYSICS:
-        raise MachineError(
-            f'{path}: physics: expected one of {", ".join(PHYSICS)}, found {physics!r}'
-        )
-    tolerances: dict[str, float] = {}
-    machine = build(PHYSICS[physics], data, str(path), tolerances)
-    prefix = len(str(path)) + 1
-    machine = replace(
-        machine, source=path, tolerances={key[prefix:]: s for key, s in tolerances.items()}
-    )
-    _check(machine)
-    return machine
-
-
-def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, object]:
-    """Read one YAML file and what it extends, the nearer file winning."""
-    try:
-        data = yaml.load(path.read_text(encoding='utf-8'), Loader=SAFE)
-    except (OSError, UnicodeDecodeError) as error:
-        raise MachineError(f'{path}: cannot be read: {error}') from error
-    except yaml.YAMLError as error:
-        raise MachineError(f'{path}: not YAML: {" ".join(str(error).split())}') from error
-    if not isinstance(data, dict):
-        raise MachineError(f'{path}: expected a mapping, found {type(data).__name__}')
-    for key in sorted({'source', 'tolerances'} & set(data)):
-        raise MachineError(f'{path}.{key}: unknown key')
-    if 'extends' not in data:
-        return data
-    base = path.parent / str(data.pop('extends'))
-    if base in seen:
-        raise MachineError(f'{path}: extends: circle through {base}')
-    merged = _read(base, (*seen, base))
-    # a survey named by the base lies beside the base
-    guide = merged.get('guide')
-    if isinstance(guide, dict) and guide.get('survey_file'):
-        guide['survey_file'] = str((base.parent / str(guide['survey_file'])).resolve())
-    return _merge(merged, data)
-
-
-def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """Return ``base`` with ``change`` laid over it."""
-    merged = dict(base)
-    for key, value in change.items():
-        if isinstance(value, dict) and isinstance(merged.get(key), dict):
-            merged[key] = _merge(merged[key], value)
-        else:
-            merged[key] = value
-    return merged
-
-
-def _check_geometry(machine: Machine) -> None:
-    """Raise a MachineError where guide, chain and drive do not fit one another."""
-    where, guide, drive, pitch = (
-        machine.source,
-        machine.guide,
-        machine.drive,
-        machine.chain.pitch_m,
-    )
-    for key in ('turnaround_profile', 'transition_profile'):
-        profile = getattr(guide, key)
-        if profile not in PROFILES:
-            raise MachineError(
-                f'{where}.guide.{key}: expected one of {", ".join(PROFILES)}, found {profile!r}'
-            )
-        if profile == 'compensated' and not (guide.profile_pitch_m or 0.0) > 0.0:
-            raise MachineError(
-                f'{where}.guide.profile_pitch_m: expected > 0 for a compensated curve, '
-                f'found {guide.profile_pitch_m!r}'
-            )
-    if drive.kind != 'wheel':
-        return
-    if drive.seats < 3:
-        raise MachineError(f'{where}.drive.seats: expected at least 3, found {drive.seats}')
-    radius = pitch / (2.0 * sin(pi / drive.seats))
-    circular = guide.turnaround_profile == 'circular'
-    if not circular or abs(guide.turnaround_radius_m / radius - 1.0) > SEAT_FIT:
-        raise MachineError(
-            f'{where}.guide.turnaround_radius_m: a wheel of {drive.seats} seats for links of '
-            f'{pitch} m needs a circular turnaround of {radius:.5f} m, found '
-            f'{guide.turnaround_profile}, {guide.turnaround_radius_m} m'
-        )
-
-
-def _check(machine: Machine) -> None:
-    """Raise a MachineError where numbers contradict each other."""
-    where = machine.source
-    chain = machine.chain
-    if chain.n_links < 4:
-        raise MachineError(f'{where}.chain.n_links: expected at least 4, found {chain.n_links}')
-    for group, key in POSITIVE:
-        value = getattr(getattr(machine, group), key)
-        if not value > 0.0:
-            raise MachineError(f'{where}.{group}.{key}: expected > 0, found {value!r}')
-    if machine.drive.kind not in DRIVE_KINDS:
-        raise MachineError(
-            f'{where}.drive.kind: expected one of {", ".join(DRIVE_KINDS)}, '
-            f'found {machine.drive.kind!r}'
-        )
-    _check_geometry(machine)
-    if machine.experiment.direction not in DIRECTIONS:
-        raise MachineError(
-            f'{where}.experiment.direction: expected up or down, '
-            f'found {machine.experiment.direction!r}'
-        )
-    channels = [s.channel for s in machine.instruments.sensors]
-    for channel in channels:
-        if channels.count(channel) > 1:
-            raise MachineError(f'{where}.instruments.sensors: {channel!r} is there twice')
-    for sensor in machine.instruments.sensors:
-        if sensor.logger not in machine.instruments.loggers:
-            raise MachineError(
-                f'{where}.instruments.sensors: {sensor.channel}: logger: expected one of '
-                f'{", ".join(machine.instruments.loggers)}, found {sensor.logger!r}'
-            )
-        if not sensor.rate_hz > 0.0 or sensor.scale == 0.0 or not sensor.fields:
-            raise MachineError(
-                f'{where}.instruments.sensors: {sensor.channel}: expected rate_hz > 0, '
-                f'scale not 0 and at least one field'
-            )

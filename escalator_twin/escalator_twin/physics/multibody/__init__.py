@@ -1,0 +1,1 @@
+"""Chains of free planar bodies: contact law, guides, forces, MuJoCo model, runs."""

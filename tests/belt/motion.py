@@ -1,0 +1,121 @@
+"""Beads on a curve: the chain of the steps, integrated by classical Runge-Kutta."""
+
+from math import pi
+
+from numba import njit
+import numpy as np
+
+SUB_S = 1e-4
+GEAR_N_M = 1.0e7  # a seat's yield, chosen like that of a tread at a thousand newtons
+GEAR_N_S_M = 2.0e4
+EASE_M = 0.05
+STRETCH_M = 0.5  # of the neighbours of the lower gear that move with it, less and less
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def at(table, length, s):
+    """Return a row of a table over the closed curve."""
+    n = table.shape[0] - 1
+    place = (s % length) * n / length
+    i = int(place)
+    i = min(i, n - 1)
+    part = place - i
+    return table[i] * (1.0 - part) + table[i + 1] * part
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def rates(y, t, table, number, drags, lengths, out, seen):
+    """Fill the rates of y = [s, v, u, u', gear angle].
+
+    Columns of ``table``: x, z, cos, sin, bend, height's slope, share that moves with the lower
+    gear and its slope. ``number`` holds the machine's numbers in the order of `numbers`.
+    """
+    n = drags.shape[0]
+    length, mass, k, c = number[0], number[1], number[2], number[3]
+    weight, resist, fixed, creep = number[4], number[5], number[6], number[7]
+    on_chain, on_trailing = number[8], number[9]
+    begin, gear, radius, arc, omega = number[10], number[11], number[12], number[13], number[14]
+    m_u, k_u, c_u, push, dry, ramp = (
+        number[15],
+        number[16],
+        number[17],
+        number[18],
+        number[19],
+        number[20],
+    )
+    eccentric, phase = number[21], number[22]
+    u, du, turned = y[2 * n], y[2 * n + 1], y[2 * n + 2]
+    px, pz, tx, tz = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    row = np.empty((n, table.shape[1]))
+    for i in range(n):
+        row[i] = at(table, length, y[i])
+        px[i] = row[i, 0] - u * row[i, 6]
+        pz[i] = row[i, 1]
+        tx[i] = row[i, 2] - u * row[i, 7]
+        tz[i] = row[i, 3]
+    fx, fz = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        dx, dz = px[j] - px[i], pz[j] - pz[i]
+        d = np.sqrt(dx * dx + dz * dz)
+        ex, ez = dx / d, dz / d
+        rate = (y[n + j] * tx[j] - du * row[j, 6] - y[n + i] * tx[i] + du * row[i, 6]) * ex
+        rate += (y[n + j] * tz[j] - y[n + i] * tz[i]) * ez
+        pull = k * (d - lengths[i]) + c * rate
+        seen[i] = pull
+        fx[i] += pull * ex
+        fz[i] += pull * ez
+        fx[j] -= pull * ex
+        fz[j] -= pull * ez
+    share = 0.5 * (1.0 - np.cos(pi * t / ramp)) if t < ramp else 1.0
+    torque, along = 0.0, 0.0
+    for i in range(n):
+        v = y[n + i]
+        force = fx[i] * tx[i] + fz[i] * tz[i] - weight * row[i, 5]
+        across = fz[i] * row[i, 2] - fx[i] * row[i, 3]
+        normal = on_chain * row[i, 2] - across + on_chain / 9.81 * row[i, 4] * v * v
+        seen[n + i] = normal
+        way = (y[i] % length) - begin
+        grip = 0.0
+        if 0.0 <= way < gear:
+            angle = way / radius - turned + phase
+            off = way - turned * radius + eccentric * np.sin(angle)
+            off -= arc * np.floor(off / arc + 0.5)
+            inside = min(way, gear - way)
+            ease = 1.0 if inside > EASE_M else inside / EASE_M
+            grip = -ease * (GEAR_N_M * off + GEAR_N_S_M * (v - share * omega * radius))
+            torque += grip * radius
+            normal = 0.0
+        load = abs(normal) + on_trailing * abs(row[i, 2])
+        drag = (resist * load + fixed + drags[i]) * np.tanh(v / creep)
+        out[i] = v
+        out[n + i] = (force - drag + grip) / mass
+        along += fx[i] * row[i, 6]
+    out[2 * n] = du
+    net = push - k_u * u - c_u * du - dry * np.tanh(du / 2e-3) - along
+    out[2 * n + 1] = net / m_u
+    out[2 * n + 2] = share * omega
+    seen[2 * n] = torque
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def run(y, table, number, drags, lengths, n_rows, n_sub, h, t0):
+    """Integrate; return rows of s, v, u, link 0, normal of roller 0, torque, means of a row."""
+    n = drags.shape[0]
+    a, b, c, d = np.empty_like(y), np.empty_like(y), np.empty_like(y), np.empty_like(y)
+    seen = np.empty(2 * n + 1)
+    record = np.zeros((n_rows, 6))
+    t = t0
+    for row in range(n_rows):
+        for _ in range(n_sub):
+            rates(y, t, table, number, drags, lengths, a, seen)
+            record[row, 3] += seen[0] / n_sub
+            record[row, 4] += seen[n] / n_sub
+            record[row, 5] += seen[2 * n] / n_sub
+            rates(y + 0.5 * h * a, t + 0.5 * h, table, number, drags, lengths, b, seen)
+            rates(y + 0.5 * h * b, t + 0.5 * h, table, number, drags, lengths, c, seen)
+            rates(y + h * c, t + h, table, number, drags, lengths, d, seen)
+            y += h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+            t += h
+        record[row, 0], record[row, 1], record[row, 2] = y[0], y[n], y[2 * n]
+    return record
