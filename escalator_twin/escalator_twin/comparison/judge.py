@@ -19,7 +19,7 @@ from escalator_twin.metrics import (
     Track,
 )
 from escalator_twin.metrics.registry import QUICK, Score
-from escalator_twin.physics.path import build_path
+from escalator_twin.physics.course import course_of
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats
 from escalator_twin.sync.template import Templates
@@ -85,7 +85,7 @@ class Judgement:
     pose: Mapping[str, tuple[float, ...]]
 
 
-def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
+def judge(setting: Setting, trace: Trace, machine: Machine, with_scores: bool = True) -> Judgement:
     """Align a simulated run with its recording and score every channel.
 
     Parameters
@@ -95,11 +95,13 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
     trace : Trace
         The run at ``RATE_HZ``, one column a sensor of the machine, in their order.
     machine : Machine
+    with_scores : bool
+        Otherwise it is only aligned: no score, no side, no clock by the signals.
     """
     sensors = machine.instruments.sensors
     columns = {s.channel: trace.columns[:, i] for i, s in enumerate(sensors)}
     way = trace.time_s * setting.experiment.set_speed_m_s
-    length = build_path(machine.guide).length_m
+    length = course_of(machine).length_m
     corrected = _without_pose(setting, columns, way, sensors)
     templates = Templates.of_run(setting.experiment.set_speed_m_s, trace.time_s, columns)
     guess = Guess(
@@ -108,14 +110,16 @@ def judge(setting: Setting, trace: Trace, machine: Machine) -> Judgement:
         travel=setting.travel,
     )
     fit = fit_all(corrected, templates, guess, machine, setting.comparisons)
-    by_signals = _signals_alone(corrected, templates, guess, machine, fit)
+    by_signals = None
+    if with_scores:
+        by_signals = _signals_alone(corrected, templates, guess, machine, fit)
     tracks = _moved(setting.tracks, fit.ground, machine)
     aligned, pose = _align(tracks, columns, way, sensors, fit.travel)
     aligned = {
         c: replace(a, place_m=np.interp(a.travel_m, way, trace.place_m) % length)
         for c, a in aligned.items()
     }
-    bands = {c: _bands(a, machine) for c, a in aligned.items()}
+    bands = {c: _bands(a, machine) for c, a in aligned.items()} if with_scores else {}
     scores = {c: score(b, QUICK) for c, b in bands.items()}
     ground = machine.instruments.channels_of(machine.instruments.reference_logger)
     riding = [t for c, t in tracks.items() if c not in ground] or list(tracks.values())

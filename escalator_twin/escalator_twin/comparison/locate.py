@@ -13,7 +13,7 @@ from escalator_twin.comparison.mend import mend
 from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
-from escalator_twin.physics.path import build_path
+from escalator_twin.physics.course import course_of
 from escalator_twin.signals import Experiment, Finding, Floats, Recording
 from escalator_twin.sync.ground import scan_shift
 from escalator_twin.sync.place import find_place, Place
@@ -122,7 +122,7 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     fit = fit_all(tracks, templates, guess, machine, comparisons)
     real = fit.travel.speed_m_s
     begin = float(fit.travel.at(np.array([first_s]))[0]) - real * LEAD_S
-    length = build_path(machine.guide).length_m
+    length = course_of(machine).length_m
     return Setting(
         replace(experiment, set_speed_m_s=real),
         origin,

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from escalator_twin.check.values import own_noise, spike_mask
+from escalator_twin.check.quality import is_beside
+from escalator_twin.check.spikes import outliers
+from escalator_twin.check.values import own_noise
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, read_only, Recording, Signal
 
 DEAD_NOISE = 3.0  # a part that moves by less than this many times its noise while others live
 LIVE_NOISE = 12.0  # the others then move by more than this
-MENDED = ('sensor_spikes', 'gauge_dead')
+MENDED = ('sensor_spikes', 'gauge_dead')  # in this order: a mean is taken of mended parts
 
 
 def mend(
@@ -34,12 +36,14 @@ def mend(
     wanted = {(f.kind, f.channel) for f in findings if f.kind in MENDED}
     signals = dict(recording.signals)
     done: set[tuple[str, str]] = set()
-    for kind, channel in sorted(wanted):
+    for kind, channel in sorted(wanted, key=lambda one: (MENDED.index(one[0]), one[1])):
         if channel not in signals:
             continue
         sensor = machine.instruments.sensor(channel)
-        mender = _without_spikes if kind == 'sensor_spikes' else _without_dead
-        mended = mender(signals[channel], sensor)
+        if kind == 'sensor_spikes':
+            mended = _without_spikes(recording, machine, sensor, signals[channel])
+        else:
+            mended = _without_dead(signals[channel], sensor)
         if mended is not None:
             signals[channel] = mended
             done.add((kind, channel))
@@ -58,18 +62,22 @@ def _with_parts(signal: Signal, parts: Floats, values: Floats) -> Signal:
     return replace(signal, parts=read_only(parts), values=read_only(values))
 
 
-def _without_spikes(signal: Signal, sensor: Sensor) -> Signal | None:
-    """Put straight lines where single samples stand far out of their neighbours."""
-    parts = np.array(signal.parts)
-    index = np.arange(len(parts))
-    hits = 0
-    for k in range(parts.shape[1]):
-        floor = sensor.resolution * abs(sensor.scale) / np.sqrt(12.0)
-        mask = spike_mask(parts[:, k], max(_noise(parts[:, k], sensor), floor))
-        if mask.any() and not mask.all():
-            parts[mask, k] = np.interp(index[mask], index[~mask], parts[~mask, k])
-            hits += int(mask.sum())
-    return _with_parts(signal, parts, parts.mean(axis=1)) if hits else None
+def _without_spikes(
+    recording: Recording, machine: Machine, sensor: Sensor, signal: Signal
+) -> Signal | None:
+    """Put straight lines where ``check`` finds outliers; a machine's impacts stay."""
+    others = [
+        (recording.signals[other.channel], other)
+        for other in machine.instruments.sensors
+        if other.channel in recording.signals and is_beside(other, sensor)
+    ]
+    mask = outliers(recording.signals[sensor.channel], sensor, others)
+    parts, index, is_mended = np.array(signal.parts), np.arange(len(signal.parts)), False
+    for k, hit in enumerate(mask):
+        if hit.any() and not hit.all():
+            parts[hit, k] = np.interp(index[hit], index[~hit], parts[~hit, k])
+            is_mended = True
+    return _with_parts(signal, parts, parts.mean(axis=1)) if is_mended else None
 
 
 def _without_dead(signal: Signal, sensor: Sensor) -> Signal | None:

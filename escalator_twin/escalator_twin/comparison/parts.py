@@ -20,7 +20,7 @@ from escalator_twin.sync.template import Template
 from escalator_twin.twin import make_simulation, run_twin
 
 LONG_S = 900.0  # a longer recording is compared in parts
-PART_S = 600.0
+PART_S = 450.0  # with what earlier parts leave in the heap, no more than ten minutes at once
 # One loop of the twin serves a part whose speed is this close to the loop's: it only finds the
 # place, and the run beside the part is at the part's own speed.
 SAME_SPEED = 0.005

@@ -9,7 +9,7 @@ import numpy as np
 from escalator_twin.machine import Guide, Machine, Sensor
 from escalator_twin.metrics.filters import Mask
 from escalator_twin.metrics.ride_quality import AXES, ride_quality, weighted_noise
-from escalator_twin.physics.path import build_path
+from escalator_twin.physics.course import course_of
 from escalator_twin.signals import Floats
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def on_incline(place_m: Floats, machine: Machine, step: int) -> Mask:
     machine : Machine
     step : int
     """
-    pitch, path = machine.chain.pitch_m, build_path(machine.guide)
+    pitch, path = machine.chain.pitch_m, course_of(machine)
     lower, upper = straight_run(machine.guide, path.passenger_m)
     place = (place_m + step * pitch) % path.length_m
     return np.asarray((place >= lower) & (place + pitch <= upper))

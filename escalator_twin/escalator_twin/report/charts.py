@@ -13,8 +13,15 @@ ROW = 20
 LEAST_WIDTH = 3.0  # of a finding without length
 
 
-def timeline(findings: Sequence[Json]) -> Markup:
-    """Return findings over time, a row a channel; empty where none is bound to a time."""
+def timeline(findings: Sequence[Json], until_s: float = 0.0) -> Markup:
+    """Return findings over time, a row a channel; empty where none is bound to a time.
+
+    Parameters
+    ----------
+    findings : sequence of mapping
+    until_s : float
+        The recording's last sample, where that is known: the axis reaches as far.
+    """
     spans = [(f, number(f.get('from_s')), number(f.get('to_s'))) for f in findings]
     known = [
         (f, a, b) for f, a, b in spans if a is not None and b is not None and (a, b) != (0, 0)
@@ -22,7 +29,7 @@ def timeline(findings: Sequence[Json]) -> Markup:
     if not known:
         return Markup()
     low = min(0.0, *(a for _, a, _ in known))
-    high = max(b for _, _, b in known)
+    high = max(until_s, *(b for _, _, b in known))
     names = list(dict.fromkeys(text(f.get('channel')) for f, _, _ in known))
     scale = (WIDTH - LABEL - 12) / ((high - low) or 1.0)
     bottom = ROW * len(names) + 8

@@ -3,9 +3,11 @@
 from escalator_twin.report.section import Section
 from escalator_twin.report.sections import (
     agreement,
+    by_recording,
     candidates,
     check,
     effects,
+    extension,
     factors,
     gain,
     published,
@@ -24,6 +26,8 @@ SECTIONS: tuple[Section, ...] = (
     candidates.SECTION,
     gain.SECTION,
     unexplained.SECTION,
+    by_recording.SECTION,
+    extension.SECTION,
     agreement.SECTION,
     factors.SECTION,
     published.SECTION,

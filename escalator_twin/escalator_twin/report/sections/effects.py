@@ -15,7 +15,6 @@ def context(page: Page) -> Context | None:
                 'entry': entry,
                 'effects': [_effect(effect) for effect in rows(entry.data.get('effects'))],
                 'n_recordings': len(rows(entry.data.get('recordings'))),
-                'extended_machine': text(entry.data.get('extended_machine')),
                 'is_unexplained': table(entry.data.get('unexplained')).get('significant') is True,
             }
             for entry in page.diagnoses

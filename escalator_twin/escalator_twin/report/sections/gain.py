@@ -1,7 +1,7 @@
 """What the extended machine gains on samples that no fit has seen."""
 
 from escalator_twin.report.charts import dumbbells
-from escalator_twin.report.documents import Entry, number, Page, table, text
+from escalator_twin.report.documents import Entry, number, numbers, Page, table, text
 from escalator_twin.report.section import Context, Section
 
 PAIRS = (
@@ -27,6 +27,9 @@ def _gain(entry: Entry) -> Context:
         'entry': entry,
         'split': text(held_out.get('split')) or text(gain.get('split')),
         'blocks': number(held_out.get('blocks')),
+        'interval': _interval(held_out.get('gain_interval')),
+        'is_significant': held_out.get('significant'),
+        'worse': _names(held_out.get('worse')),
         'channels': channels,
         'chart': dumbbells(
             [
@@ -36,6 +39,18 @@ def _gain(entry: Entry) -> Context:
         ),
         'more': more,
     }
+
+
+def _interval(value: object) -> tuple[float, float] | None:
+    """Return the ends of the gain's interval, relative fall of the squared residual."""
+    ends = numbers(value)
+    if len(ends) != 2 or ends[0] is None or ends[1] is None:
+        return None
+    return ends[0], ends[1]
+
+
+def _names(value: object) -> list[str]:
+    return [name for name in value if isinstance(name, str)] if isinstance(value, list) else []
 
 
 SECTION = Section('gain', 'Gain on held-out data', context)

@@ -4,9 +4,11 @@ from escalator_twin.report.documents import number, Page, table
 from escalator_twin.report.section import Context, Section
 
 TOLD_ELSEWHERE = (
+    'by_recording',
     'candidates',
     'effects',
     'extended_machine',
+    'extended_machine_yaml',
     'gain',
     'machine',
     'recordings',

@@ -1,0 +1,137 @@
+"""Ripple and hunting of the drive: one run, then locked to travel or to time."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import Refined
+from escalator_twin.diagnosis.regression import inner_products
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.signals import Floats
+
+ROUNDS = 3
+QUARTER = 0.5 * np.pi
+
+
+def refine_drive(
+    stage: Stage, base: Floats, chi2: float, hunting: Proposal, ripple: Proposal
+) -> tuple[Refined, Refined]:
+    """Fit amplitude, phase and frequency of a wave of the drive's speed, once for each lock.
+
+    The twin runs at constant mean speed, so that travel and time are the same to it. A wave that is
+    locked to time meets the machine, whose speed wanders, at another phase: by the difference of
+    real time and travel over speed.
+
+    Parameters
+    ----------
+    stage : Stage
+    base : (n, c) float64
+    chi2 : float
+        Without the wave.
+    hunting, ripple : Proposal
+        Of the same frequency.
+    """
+    return (
+        refine_wave(stage, base, chi2, hunting, in_time=True),
+        refine_wave(stage, base, chi2, ripple, in_time=False),
+    )
+
+
+def refine_wave(
+    stage: Stage, base: Floats, chi2: float, proposal: Proposal, in_time: bool
+) -> Refined:
+    observation = stage.observation
+    frame = observation.frame
+    seconds = observation.travel_m / frame.speed_m_s
+    late = observation.time_s - seconds[:, None]
+    late = late - late.mean(axis=0)
+    key = 'frequency_hz' if in_time else 'cycles_per_pitch'
+    per_hz = 1.0 if in_time else frame.pitch_m / frame.speed_m_s
+    best: Refined | None = None
+    for _ in range(ROUNDS):
+        size = proposal.parameters['relative_amplitude']
+        quarter = replace(
+            proposal,
+            parameters={
+                **proposal.parameters,
+                'phase_rad': _wrapped(proposal.parameters['phase_rad'] + QUARTER),
+            },
+        )
+        one = (stage.run((proposal.deviation,)) - base) / size
+        two = (stage.run((quarter.deviation,)) - base) / size
+        if in_time:
+            turn = 2.0 * np.pi * proposal.parameters[key] * late
+            one, two = (
+                one * np.cos(turn) + two * np.sin(turn),
+                two * np.cos(turn) - one * np.sin(turn),
+            )
+        clock = seconds - seconds.mean()
+        fast = 2.0 * np.pi * clock[:, None] * two * size / per_hz
+        columns = stage.whiten(np.stack([one, two, fast], axis=2))
+        fitted = stage.fit(base)
+        right, gram = inner_products(fitted, columns)
+        c, d, df = np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ right
+        model = base + c * one + d * two + df * fast
+        after = stage.fit(model)
+        amplitude = float(np.hypot(c, d))
+        # the frequency turns about the middle of the recording
+        phase = proposal.parameters['phase_rad'] + float(np.arctan2(d, c))
+        phase -= 2.0 * np.pi * df / per_hz * float(seconds.mean())
+        covariance = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+        moved = replace(
+            proposal,
+            parameters={
+                'relative_amplitude': float(np.clip(amplitude, 1e-6, 0.4)),
+                'phase_rad': _wrapped(phase),
+                key: max(proposal.parameters[key] + float(df), 0.01),
+            },
+        )
+        sd = {
+            'relative_amplitude': float(np.sqrt(covariance[0, 0])),
+            key: float(np.sqrt(covariance[2, 2])),
+        }
+        found = Refined(
+            moved, model, after, chi2 - after.chi2, sd, columns,
+            ('relative_amplitude', 'phase_rad', key),
+        )  # fmt: skip
+        if best is not None and found.gain < best.gain + 1.0:
+            break
+        best, proposal = found, moved
+    assert best is not None
+    return best
+
+
+def _wrapped(angle: float) -> float:
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def locks(stage: Stage, base: Floats, hunting: Proposal) -> tuple[float, float]:
+    """Return chi squared of a wave locked to time, and of the same wave locked to travel.
+
+    Both are taken from the same two runs: what two runs differ by through rattling rollers is
+    more than what the locks differ by.
+    """
+    observation = stage.observation
+    seconds = observation.travel_m / observation.frame.speed_m_s
+    late = observation.time_s - seconds[:, None]
+    late = late - late.mean(axis=0)
+    size = hunting.parameters['relative_amplitude']
+    phase = _wrapped(hunting.parameters['phase_rad'] + QUARTER)
+    quarter = replace(hunting, parameters={**hunting.parameters, 'phase_rad': phase})
+    one = (stage.run((hunting.deviation,)) - base) / size
+    two = (stage.run((quarter.deviation,)) - base) / size
+    turn = 2.0 * np.pi * hunting.parameters['frequency_hz'] * late
+    rows = (
+        (one * np.cos(turn) + two * np.sin(turn), two * np.cos(turn) - one * np.sin(turn)),
+        (one, two),
+    )
+    clock = (seconds - seconds.mean())[:, None]
+    found = []
+    for a, b in rows:
+        columns = stage.whiten(np.stack([a, b, clock * a, clock * b], axis=2))
+        fitted = stage.fit(base)
+        right, gram = inner_products(fitted, columns)
+        gain = float(right @ np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ right)
+        found.append(fitted.chi2 - gain)
+    return found[0], found[1]

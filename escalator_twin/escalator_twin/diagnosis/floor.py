@@ -1,0 +1,183 @@
+"""The twin's own error: what remains between it and a good machine beyond the sensors' noise.
+
+The table is measured, not derived: recordings of machines within tolerance are fitted with all
+nuisance, and what remains is averaged by speed, channel and frequency. Two parts: a smooth one, as
+a multiple of the sensor's noise by order (cycles per pitch of travel), and lines at the multiples
+of the pitch, where waves of the rail that the survey does not show move all rollers alike.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from escalator_twin.errors import MachineError
+from escalator_twin.machine import Machine, Sensor
+from escalator_twin.signals import Floats
+
+SCHEMA = 'escalator_twin/floor/1'
+ORDERS = (0.0, 0.1, 0.5, 1.5, 3.5, 6.5, 10.0, 16.0, 40.0)  # edges of the smooth part
+HARMONICS = 32
+LINE_HALF = 0.03  # orders that belong to a line on each side
+LINE_SCALE = 0.013  # a line's skirt falls by e over this order: the place in the loop modulates it
+LINE_REACH = 0.1
+# Rollers rattle in their clearance. Any change of the model, however small, rolls these dice anew, so
+# that two runs differ by more than either from the machine, in bursts: their weight is taken down.
+RATTLE = {'step_acceleration/z': 4.0, 'step_acceleration/x': 2.0}
+
+
+def kind_of(sensor: Sensor) -> str:
+    """Return the name under which channels of one kind share a floor."""
+    axis = sensor.at.get('axis')
+    return f'{sensor.quantity}/{axis}' if axis else sensor.quantity
+
+
+@dataclass(frozen=True)
+class Level:
+    """The floor of one kind of channel at one speed.
+
+    Attributes
+    ----------
+    smooth : (len(ORDERS) - 1,) float64
+        Variance over the sensor's.
+    lines : (h,) float64
+        Mean square at each multiple of the pitch, SI squared.
+    """
+
+    smooth: Floats
+    lines: Floats
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Levels by kind of channel and speed, m/s."""
+
+    levels: Mapping[str, Mapping[float, Level]]
+
+    def variance(
+        self, sensor: Sensor, sensor_variance: float, orders: Floats, speed_m_s: float, n: int
+    ) -> Floats:
+        """Return the variance of cosine coefficients at some orders.
+
+        Parameters
+        ----------
+        sensor : Sensor
+        sensor_variance : float
+            Of a coefficient, by the sensor's noise alone.
+        orders : (f,) float64
+            Cycles per pitch.
+        speed_m_s : float
+        n : int
+            Samples that the transform is taken of.
+        """
+        levels = self.levels.get(kind_of(sensor))
+        if not levels:
+            return np.full(len(orders), sensor_variance)
+        level = _between(levels, speed_m_s)
+        bins = np.clip(np.searchsorted(ORDERS, orders, side='right') - 1, 0, len(ORDERS) - 2)
+        rattle = RATTLE.get(kind_of(sensor), 1.0)
+        variance = sensor_variance * np.maximum(rattle * level.smooth[bins], 1.0)
+        spacing = orders[1] - orders[0]
+        skirt = 2.0 * LINE_SCALE / spacing  # coefficients over which a line is spread
+        for h, power in enumerate(level.lines, 1):
+            away = np.abs(orders - h)
+            near = away < LINE_REACH
+            # a wave of mean square P puts n P into the coefficients around its order
+            variance[near] += n * power / skirt * np.exp(-away[near] / LINE_SCALE)
+        return np.asarray(variance)
+
+
+def _between(levels: Mapping[float, Level], speed_m_s: float) -> Level:
+    """Interpolate levels over the logarithm of speed; the nearest outside."""
+    speeds = sorted(levels)
+    at = np.log(np.clip(speed_m_s, speeds[0], speeds[-1]))
+
+    def mix(rows: Sequence[Floats]) -> Floats:
+        table = np.log(np.maximum(np.stack(rows), 1e-30))
+        return np.exp([np.interp(at, np.log(speeds), column) for column in table.T])
+
+    return Level(mix([levels[s].smooth for s in speeds]), mix([levels[s].lines for s in speeds]))
+
+
+def measure_level(white: Floats, orders: Floats, sensor_variance: float, n: int) -> Level:
+    """Measure one channel's floor in one recording.
+
+    Parameters
+    ----------
+    white : (f,) float64
+        Coefficients over the sensor's standard deviation, all nuisance taken out.
+    orders : (f,) float64
+    sensor_variance : float
+    n : int
+    """
+    power = white**2
+    away = np.abs(orders - np.round(orders))
+    smooth = np.ones(len(ORDERS) - 1)
+    for k, (low, high) in enumerate(pairwise(ORDERS)):
+        mask = (orders >= low) & (orders < high) & ((away > 2.0 * LINE_HALF) | (orders < 0.5))
+        mask[0] = False
+        if mask.sum() > 3:
+            smooth[k] = float(np.mean(power[mask]))
+    lines = np.zeros(HARMONICS)
+    for h in range(1, HARMONICS + 1):
+        mask = np.abs(orders - h) < LINE_HALF
+        rest = smooth[min(int(np.searchsorted(ORDERS, h, side='right')) - 1, len(smooth) - 1)]
+        excess = float(np.sum(power[mask] - rest)) if mask.any() else 0.0
+        lines[h - 1] = max(excess, 0.0) * sensor_variance / n
+    return Level(smooth, lines)
+
+
+def mean_level(levels: Sequence[Level]) -> Level:
+    """Average the floors of several recordings."""
+    return Level(
+        np.mean([level.smooth for level in levels], axis=0),
+        np.mean([level.lines for level in levels], axis=0),
+    )
+
+
+def load_floor(machine: Machine) -> Floor:
+    """Read the floor beside a machine description; sensors' noise alone where there is none."""
+    if machine.source is None:
+        return Floor({})
+    path = machine.source.with_name(f'{machine.name}_floor.yaml')
+    return read_floor(path) if path.exists() else Floor({})
+
+
+def read_floor(path: Path) -> Floor:
+    """Read a floor's file.
+
+    Raises
+    ------
+    MachineError
+        Where it is not what it should be.
+    """
+    data: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
+    if not isinstance(data, dict) or data.get('schema') != SCHEMA:
+        raise MachineError(f'{path}: schema: expected {SCHEMA!r}')
+    levels: dict[str, dict[float, Level]] = {}
+    for row in data['levels']:
+        level = Level(np.array(row['smooth'], float), np.array(row['lines'], float))
+        if len(level.smooth) != len(ORDERS) - 1:
+            raise MachineError(f'{path}: smooth: expected {len(ORDERS) - 1} numbers')
+        levels.setdefault(row['kind'], {})[float(row['speed_m_s'])] = level
+    return Floor(levels)
+
+
+def write_floor(path: Path, floor: Floor, source: str) -> None:
+    """Write a floor's file; ``source`` says what it was measured on."""
+    rows = [
+        {
+            'kind': kind,
+            'speed_m_s': speed,
+            'smooth': [float(f'{v:.3g}') for v in level.smooth],
+            'lines': [float(f'{v:.3g}') for v in level.lines],
+        }
+        for kind, levels in floor.levels.items()
+        for speed, level in levels.items()
+    ]
+    text = yaml.safe_dump({'schema': SCHEMA, 'levels': rows}, sort_keys=False, width=100)
+    path.write_text(f'# {source}\n{text}', encoding='utf-8')

@@ -1,0 +1,233 @@
+"""What an extension gains on samples that its numbers were not fitted to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regression import fit, inner_products
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.walk import creep, of_machine
+from escalator_twin.diagnosis.whitening import sensor_variance
+from escalator_twin.metrics.filters import lowpass
+from escalator_twin.signals import Floats
+
+BLOCKS = 12
+FOLDS = 4
+GUARD_PITCHES = 2
+TREND_HZ = 2.0
+DRAWS = 2000  # of the block bootstrap
+LEAST_SHARE = 0.25  # of a loop that must have come twice for an effect bound to one place
+WORSE = 0.02  # contracts.md: no channel may become worse by more
+BOUND = ('link', 'axle', 'step', 'steps', 's_m')  # keys of effects that pass once a loop
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A held-out comparison of one recording.
+
+    Attributes
+    ----------
+    split : str
+        How it was split, or why it was not.
+    blocks : int
+    channels : mapping, or None where there is no second look
+    gain_low, gain_high : float
+        95 % interval, over blocks, of the relative fall of the squared residual.
+    significant : bool
+    worse : tuple of str
+        Channels that become worse by more than 2 %.
+    """
+
+    split: str
+    blocks: int
+    channels: dict[str, dict[str, float]] | None
+    gain_low: float = 0.0
+    gain_high: float = 0.0
+    significant: bool = False
+    worse: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any] | None:
+        """Return the JSON of contracts.md; None where there is none."""
+        if self.channels is None:
+            return None
+        return {
+            'split': self.split,
+            'blocks': self.blocks,
+            'channels': self.channels,
+            'gain_interval': [self.gain_low, self.gain_high],
+            'significant': self.significant,
+            'worse': list(self.worse),
+        }
+
+
+def hold_out(
+    context: Context, after: Beside, effects: Sequence[Proposal], seed: int = 0
+) -> HeldOut:
+    """Fit on a part of a recording, compare on the rest.
+
+    The sizes of all effects together and all nuisance are fitted to the training blocks alone;
+    which cause it is, and its place, were found with the whole recording.
+
+    Parameters
+    ----------
+    context : Context
+    after : Beside
+        The machine with the effects, aligned.
+    effects : sequence of Proposal
+    seed : int
+        Of the bootstrap.
+    """
+    stage = after.stage
+    bare = replace(stage, machine=context.machine)
+    base = bare.run()
+    change = after.model - base
+    for effect in effects:
+        if not of_machine(effect):
+            change = change + measured_change(stage, after, effect)
+    folds, split = folds_of(stage, effects)
+    if not folds:
+        return HeldOut(split, 0, None)
+    return _compare(bare, base, change, folds, split, seed)
+
+
+def measured_change(stage: Stage, after: Beside, effect: Proposal) -> Floats:
+    """Return what a fault of the measurement adds to the signals, (n, c)."""
+    if effect.cause == 'gauge_drift':
+        found: Floats = creep(stage, effect).astype(np.float64)
+        return found
+    sizes = after.fitted.sizes
+    total = np.zeros(after.model.shape)
+    for k, name in enumerate(stage.nuisance.names):
+        if effect.nuisance is not None and name.startswith(effect.nuisance):
+            plain = stage.whiten(stage.nuisance.columns[:, :, k : k + 1])[:, 0]
+            now = stage.white_nuisance[:, k]
+            width = float(np.linalg.norm(now) / max(float(np.linalg.norm(plain)), 1e-30))
+            total += sizes[k] * width * stage.nuisance.columns[:, :, k]
+    return total
+
+
+def folds_of(stage: Stage, effects: Sequence[Proposal]) -> tuple[list[list[tuple[int, int]]], str]:
+    """Return folds of held-out blocks (grid points) and a text on the split."""
+    frame = stage.observation.frame
+    n = len(stage.observation.index)
+    guard = GUARD_PITCHES * frame.per_pitch
+    if any(key in effect.location for effect in effects for key in BOUND):
+        start = frame.n_loop + guard
+        if n - start < LEAST_SHARE * frame.n_loop:
+            return [], 'no second passage: less than a quarter of a loop was passed twice'
+        size = max(frame.per_pitch, (n - start) // BLOCKS // frame.per_pitch * frame.per_pitch)
+        blocks = [(a, min(a + size, n)) for a in range(start, n - size + 1, size)]
+        return [blocks], 'later passages: fitted to the first loop, compared on what follows'
+    size = n // BLOCKS // frame.per_pitch * frame.per_pitch
+    if size < 2 * frame.per_pitch:
+        return [], 'too short: fewer than two pitches a block'
+    blocks = [(k * size, (k + 1) * size) for k in range(BLOCKS)]
+    text = f'{BLOCKS} blocks of whole pitches in {FOLDS} folds, {GUARD_PITCHES} pitches of guard'
+    return [blocks[k::FOLDS] for k in range(FOLDS)], text
+
+
+def _compare(
+    stage: Stage,
+    base: Floats,
+    change: Floats,
+    folds: list[list[tuple[int, int]]],
+    split: str,
+    seed: int,
+) -> HeldOut:
+    observation = stage.observation
+    frame, n = observation.frame, len(observation.index)
+    guard = GUARD_PITCHES * frame.per_pitch
+    later = len(folds) == 1
+    residual = stage.residual(base)
+    seen: list[tuple[slice, Floats, Floats]] = []
+    for blocks in folds:
+        keep = np.ones(n, bool)
+        for start, end in blocks:
+            keep[max(start - guard, 0) : end + guard] = False
+        if later:
+            keep[blocks[0][0] - guard :] = False
+        whiten = replace(stage.whiten, mask=stage.whiten.mask * keep[:, None].astype(np.float32))
+        white = whiten(residual[:, :, None])[:, 0]
+        columns = whiten(stage.nuisance.columns)
+        fitted = fit(white, columns)
+        one = whiten(change[:, :, None])
+        right, gram = inner_products(fitted, one)
+        # of the wrong sign it is no gain, however well it fits
+        size = max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
+        again = fit(white - size * one[:, 0], columns)
+        plain = residual - np.tensordot(stage.nuisance.columns, fitted.sizes, 1)
+        better = residual - size * change
+        better = better - np.tensordot(stage.nuisance.columns, again.sizes, 1)
+        seen += [(slice(*block), plain, better) for block in blocks]
+    return _scores(stage, seen, split, seed)
+
+
+def _scores(
+    stage: Stage, seen: list[tuple[slice, Floats, Floats]], split: str, seed: int
+) -> HeldOut:
+    observation = stage.observation
+    rate = observation.frame.rate_hz
+    channels: dict[str, dict[str, float]] = {}
+    energy = np.zeros((len(seen), 2))
+    smooth = {
+        id(rows): np.stack([lowpass(rows[:, k], TREND_HZ, rate) for k in range(rows.shape[1])], 1)
+        for _, plain, better in seen
+        for rows in (plain, better)
+    }
+    worse = []
+    for k, channel in enumerate(observation.channels):
+        measured = observation.measured[:, k]
+        low = lowpass(measured, TREND_HZ, rate)
+        own = sensor_variance(stage.machine.instruments.sensor(channel), rate)
+        rows: dict[str, list[Floats]] = {name: [] for name in ('m', 'ml', 'b', 'a', 'bl', 'al')}
+        for i, (block, plain, better) in enumerate(seen):
+            good = observation.valid[block, k]
+            parts = (
+                ('m', measured), ('ml', low), ('b', plain[:, k]), ('a', better[:, k]),
+                ('bl', smooth[id(plain)][:, k]), ('al', smooth[id(better)][:, k]),
+            )  # fmt: skip
+            for name, values in parts:
+                rows[name].append(values[block][good])
+            for side, values in enumerate((plain[:, k], better[:, k])):
+                centred = values[block][good]
+                energy[i, side] += float(np.sum(centred**2)) / own
+        joined = {name: np.concatenate(parts) for name, parts in rows.items()}
+        if len(joined['m']) < 8:
+            continue
+        channels[channel] = _channel(joined, own)
+        before, after = channels[channel]['chi2_before'], channels[channel]['chi2_after']
+        if after > (1.0 + WORSE) ** 2 * before and after > 2.0:
+            worse.append(channel)
+    rng = np.random.default_rng(seed)
+    picks = rng.integers(0, len(seen), (DRAWS, len(seen)))
+    sums = energy[picks].sum(axis=1)
+    gains = 1.0 - sums[:, 1] / np.maximum(sums[:, 0], 1e-30)
+    low_gain, high_gain = (float(v) for v in np.quantile(gains, (0.025, 0.975)))
+    return HeldOut(split, len(seen), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
+
+
+def _channel(rows: dict[str, Floats], variance: float) -> dict[str, float]:
+    """Return the scores of one channel on its held-out samples."""
+    spread = max(float(np.std(rows['ml'])), 1e-12)
+    band = max(float(np.std(rows['m'])), 1e-12)
+
+    def correlation(residual: Floats) -> float:
+        simulated = rows['ml'] - residual
+        if np.std(simulated) == 0.0 or np.std(rows['ml']) == 0.0:
+            return 0.0
+        return float(np.corrcoef(rows['ml'], simulated)[0, 1])
+
+    return {
+        'nrmse_before': float(np.std(rows['bl']) / spread),
+        'nrmse_after': float(np.std(rows['al']) / spread),
+        'r_time_before': correlation(rows['bl']),
+        'r_time_after': correlation(rows['al']),
+        'nrmse_band_before': float(np.std(rows['b']) / band),
+        'nrmse_band_after': float(np.std(rows['a']) / band),
+        'chi2_before': float(np.mean(rows['b'] ** 2) / variance),
+        'chi2_after': float(np.mean(rows['a'] ** 2) / variance),
+    }

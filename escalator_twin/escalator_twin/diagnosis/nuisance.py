@@ -1,0 +1,161 @@
+"""What is never an effect: tolerances, zeros, gains, drifts, poses, course and clocks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, CubicSpline
+
+from escalator_twin.diagnosis.observation import Observation
+from escalator_twin.diagnosis.responses import Responses
+from escalator_twin.machine import Machine
+from escalator_twin.signals import Floats
+
+COURSE_M = 0.01  # of travel: what the first alignment may have left, one standard deviation
+COURSE_KNOT_S = 8.0
+SHIFT_M = 0.05  # of travel as a whole
+CLOCK_S = 2e-3  # of the reference's clock by bag time
+CLOCK_RATE = 5e-6
+FREE = 1e3  # standard deviations that leave a number free
+THERMAL_SHARE = 0.25  # of the largest thermal drift: a mean of gauges, in each smooth shape
+SCALE = 0.005  # of all forces alike: what tolerances do together beyond their linear responses
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Columns with unit prior variance.
+
+    Attributes
+    ----------
+    names : tuple of str
+        One a column; a tolerance's is its key path.
+    columns : (n, c, q) float32
+        Change of the signals by one standard deviation.
+    """
+
+    names: tuple[str, ...]
+    columns: np.ndarray
+
+
+def make_nuisance(
+    observation: Observation, model: Floats, responses: Responses, machine: Machine
+) -> Nuisance:
+    """Return all that may differ between a good machine, well measured, and the twin.
+
+    Parameters
+    ----------
+    observation : Observation
+    model : (n, c) float64
+        The twin on the observation's grid.
+    responses : Responses
+    machine : Machine
+    """
+    n, c = model.shape
+    names: list[str] = []
+    columns: list[np.ndarray] = []
+
+    def add(name: str, values: np.ndarray, channel: int | None = None) -> None:
+        whole = np.zeros((n, c), np.float32)
+        if channel is None:
+            whole[:] = values
+        else:
+            whole[:, channel] = values
+        names.append(name)
+        columns.append(whole)
+
+    wrapped = observation.index % observation.frame.n_loop
+    order = _positions(observation, machine)
+    for name, response in responses.knobs.items():
+        add(name, response[wrapped][:, order])
+    speed = observation.frame.speed_m_s
+    slope = CubicSpline(observation.travel_m, model)(observation.travel_m, 1)
+    add('course', SHIFT_M * slope)
+    seconds = observation.travel_m / speed
+    for k, bump in enumerate(_bumps(seconds)):
+        add(f'course/{k}', COURSE_M * slope * bump[:, None])
+    reference = machine.instruments.channels_of(machine.instruments.reference_logger)
+    ground = np.array([channel in reference for channel in observation.channels], float)
+    middle = seconds - seconds.mean()
+    if 0.0 < ground.sum() < c:
+        add('clock', CLOCK_S * speed * slope * ground)
+        add('clock/rate', CLOCK_RATE * speed * slope * ground * middle[:, None])
+    forces = np.array(
+        [machine.instruments.sensor(c).quantity == 'link_force' for c in observation.channels]
+    )
+    if forces.any():
+        add('scale', SCALE * (model - model.mean(axis=0)) * forces)
+    part = (seconds - seconds[0]) / (seconds[-1] - seconds[0])
+    for k, channel in enumerate(observation.channels):
+        sensor = machine.instruments.sensor(channel)
+        own = model[:, k] - model[:, k].mean()
+        if sensor.gain_tol > 0.0:
+            add(f'{channel}/gain', sensor.gain_tol * own, k)
+        if sensor.thermal_drift > 0.0:
+            size = THERMAL_SHARE * sensor.thermal_drift * abs(sensor.scale)
+            for wave, shape in enumerate(_slow(part)):
+                add(f'{channel}/drift/{wave}', size * shape, k)
+    for axis, turned in rotations(observation, model, machine).items():
+        add(f'rotation/{axis}', turned)
+    for k, channel in enumerate(observation.channels):
+        if machine.instruments.sensor(channel).rotation_tol_deg > 0.0:
+            add(f'{channel}/zero', np.full(n, FREE * 1e-3), k)
+        else:
+            add(f'{channel}/zero', np.full(n, FREE * max(float(np.std(model[:, k])), 1e-9)), k)
+    return Nuisance(tuple(names), np.stack(columns, axis=2))
+
+
+def _positions(observation: Observation, machine: Machine) -> list[int]:
+    """Return where the observation's channels are among the machine's sensors."""
+    every = [s.channel for s in machine.instruments.sensors]
+    return [every.index(channel) for channel in observation.channels]
+
+
+def _bumps(seconds: Floats) -> Floats:
+    """Return cubic B-splines over time, (k, n)."""
+    start, end = seconds[0], seconds[-1]
+    inner = np.linspace(start, end, max(2, round((end - start) / COURSE_KNOT_S) + 1))
+    knots = np.concatenate([[start] * 3, inner, [end] * 3])
+    design: Floats = BSpline.design_matrix(np.clip(seconds, start, end), knots, 3).toarray().T
+    return design
+
+
+def _slow(part: Floats) -> list[Floats]:
+    """Return smooth shapes over a recording, each between -1 and 1."""
+    return [
+        2.0 * part - 1.0,
+        np.cos(np.pi * part),
+        np.cos(2.0 * np.pi * part),
+        np.sin(2.0 * np.pi * part),
+        np.cos(3.0 * np.pi * part),
+    ]
+
+
+def rotations(observation: Observation, model: Floats, machine: Machine) -> dict[str, np.ndarray]:
+    """Return what turning the accelerometer does, by one standard deviation about each axis.
+
+    A sensor turned by the small right-hand rotation w reads a - w x a.
+    """
+    axes: dict[str, int] = {}
+    tolerance = 0.0
+    for k, channel in enumerate(observation.channels):
+        sensor = machine.instruments.sensor(channel)
+        if sensor.quantity == 'step_acceleration':
+            axes[str(sensor.at['axis'])] = k
+            tolerance = np.deg2rad(sensor.rotation_tol_deg)
+    if not axes or tolerance == 0.0:
+        return {}
+    n, c = model.shape
+    a = np.zeros((n, 3))
+    for i, axis in enumerate('xyz'):
+        if axis in axes:
+            a[:, i] = model[:, axes[axis]]
+    turned = {}
+    for i, axis in enumerate('xyz'):
+        w = np.zeros(3)
+        w[i] = tolerance
+        change = -np.cross(w, a)
+        whole = np.zeros((n, c), np.float32)
+        for j, other in enumerate('xyz'):
+            if other in axes:
+                whole[:, axes[other]] = change[:, j]
+        turned[axis] = whole
+    return turned

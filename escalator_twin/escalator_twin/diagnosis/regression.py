@@ -1,0 +1,135 @@
+"""Generalised least squares with priors: how much better one more column explains a signal."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from escalator_twin.signals import Floats
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A residual fitted with nuisance columns of unit prior variance.
+
+    Attributes
+    ----------
+    white : (m,) float32
+        The residual, whitened.
+    columns : (m, q) float32
+        Whitened.
+    gram : (q, q) float64
+        ``columns.T @ columns``.
+    factor : (q, q) float64
+        Lower Cholesky factor of the normal matrix with the prior.
+    projected : (q,) float64
+        ``columns.T @ white``, less what earlier turns of the nuisance took.
+    """
+
+    white: np.ndarray
+    columns: np.ndarray
+    gram: Floats
+    factor: Floats
+    projected: Floats
+    offset: Floats
+
+    @property
+    def sizes(self) -> Floats:
+        """Most probable sizes of the nuisance, standard deviations, (q,)."""
+        found: Floats = linalg.cho_solve((self.factor, True), self.projected)
+        return found
+
+    @property
+    def chi2(self) -> float:
+        """Squared residual plus squared nuisance at the optimum."""
+        total = float(np.dot(self.white.astype(np.float64), self.white.astype(np.float64)))
+        return total + float(self.offset @ self.offset) - float(self.projected @ self.sizes)
+
+    def without(self, index: int) -> 'Fitted':
+        """Return the fit without one nuisance column; what the model holds of it stays there."""
+        keep = np.delete(np.arange(len(self.offset)), index)
+        gram = self.gram[np.ix_(keep, keep)]
+        factor = linalg.cholesky(gram + np.eye(len(keep)), lower=True)
+        return Fitted(
+            self.white, self.columns[:, keep], gram, factor, self.projected[keep],
+            self.offset[keep],
+        )  # fmt: skip
+
+    def left(self) -> np.ndarray:
+        """Return the whitened residual with the nuisance taken out, (m,)."""
+        rest: np.ndarray = self.white - self.columns @ self.sizes.astype(np.float32)
+        return rest
+
+
+def fit(white: np.ndarray, columns: np.ndarray, offset: Floats | None = None) -> Fitted:
+    """Fit a whitened residual with whitened nuisance columns.
+
+    Parameters
+    ----------
+    white : (m,) float32
+    columns : (m, q) float32
+    offset : (q,) float64, optional
+        Sizes of the nuisance that the model behind the residual holds already.
+    """
+    q = columns.shape[1]
+    start = np.zeros(q) if offset is None else offset
+    gram = (columns.T @ columns).astype(np.float64)
+    projected = (columns.T @ white).astype(np.float64) - start
+    factor = linalg.cholesky(gram + np.eye(q), lower=True)
+    return Fitted(white, columns, gram, factor, projected, start)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What each candidate column alone would explain beside the nuisance.
+
+    Attributes
+    ----------
+    size, sd : (k,) float64
+        Estimate and standard deviation.
+    gain : (k,) float64
+        By how much chi squared falls.
+    """
+
+    size: Floats
+    sd: Floats
+    gain: Floats
+
+
+def inner_products(fitted: Fitted, candidates: np.ndarray) -> tuple[Floats, Floats]:
+    """Return right side (k,) and Gram matrix (k, k) of candidates beside the nuisance."""
+    cross = (fitted.columns.T @ candidates).astype(np.float64)
+    half = linalg.solve_triangular(fitted.factor, cross, lower=True)
+    start = linalg.solve_triangular(fitted.factor, fitted.projected, lower=True)
+    right = (candidates.T @ fitted.white).astype(np.float64) - half.T @ start
+    gram = (candidates.T @ candidates).astype(np.float64) - half.T @ half
+    return right, gram
+
+
+def score_each(fitted: Fitted, candidates: np.ndarray) -> Scores:
+    """Score candidate columns (m, k) one by one."""
+    cross = (fitted.columns.T @ candidates).astype(np.float64)
+    half = linalg.solve_triangular(fitted.factor, cross, lower=True)
+    start = linalg.solve_triangular(fitted.factor, fitted.projected, lower=True)
+    right = (candidates.T @ fitted.white).astype(np.float64) - half.T @ start
+    power = np.einsum('ij,ij->j', candidates, candidates, dtype=np.float64)
+    power = np.maximum(power - np.einsum('ij,ij->j', half, half), 1e-12)
+    return Scores(right / power, 1.0 / np.sqrt(power), right**2 / power)
+
+
+def score_groups(fitted: Fitted, candidates: np.ndarray, width: int) -> tuple[Floats, Floats]:
+    """Score groups of ``width`` neighbouring columns; sizes (g, width) and gains (g,)."""
+    groups = candidates.shape[1] // width
+    sizes, gains = np.empty((groups, width)), np.empty(groups)
+    cross = (fitted.columns.T @ candidates).astype(np.float64)
+    half = linalg.solve_triangular(fitted.factor, cross, lower=True)
+    start = linalg.solve_triangular(fitted.factor, fitted.projected, lower=True)
+    right = (candidates.T @ fitted.white).astype(np.float64) - half.T @ start
+    for g in range(groups):
+        part = slice(g * width, (g + 1) * width)
+        block = candidates[:, part]
+        gram = (block.T @ block).astype(np.float64) - half[:, part].T @ half[:, part]
+        gram += 1e-9 * np.trace(gram) * np.eye(width)
+        sizes[g] = np.linalg.solve(gram, right[part])
+        gains[g] = right[part] @ sizes[g]
+    return sizes, gains

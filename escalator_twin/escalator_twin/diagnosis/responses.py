@@ -1,0 +1,294 @@
+"""What every tolerance and every cause does to the signals of one experiment, per loop."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+
+from escalator_twin.diagnosis.knobs import Knob, knobs_of
+from escalator_twin.diagnosis.loops import all_probes, Frame, Loop, sensor_probes, simulate_loop
+from escalator_twin.machine import Deviation, Machine
+from escalator_twin.physics import run
+from escalator_twin.signals import Experiment
+
+Columns = np.ndarray  # float32
+Progress = Callable[[float, float], None]
+
+KNOB_STEP = 1.0  # standard deviations: far above the rounding of a rattling roller
+FLAT_PHASES = 12
+STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
+# Sizes at which a cause's response is taken: the reference of contracts.md, or half of it where
+# the reference is far from linear and smaller effects are asked for too.
+ALL_PLACES: dict[str, tuple[Deviation, float]] = {
+    'link_elongation': (Deviation('link_elongation', {'length_m': 3e-3}, {'link': 0}), 3e-3),
+    'link_stiffness': (
+        Deviation('link_stiffness', {'factor': 0.5}, {'link': 0, 'side': 'left'}),
+        1.0,
+    ),
+    'roller_drag': (
+        Deviation('roller_drag', {'force_N': 120.0}, {'axle': 0, 'side': 'left'}),
+        120.0,
+    ),
+    'load_distribution': (
+        Deviation('load_distribution', {'load_factor': 0.0}, {'steps': [0]}),
+        -1.0,
+    ),
+    'step_mass': (Deviation('step_mass', {'delta_kg': 18.0}, {'step': 0}), 18.0),
+}
+WHOLE: dict[str, tuple[Deviation, float]] = {
+    'tensioner_friction': (Deviation('tensioner_friction', {'force_N': 100.0}), 100.0),
+    'chain_elongation': (
+        Deviation('chain_elongation', {'length_m': 1.5e-4}, {'side': 'left'}),
+        1.5e-4,
+    ),
+    'load_offset': (Deviation('load_offset', {'left_share': 0.6}), 0.1),
+}
+# Where a small change says little about a large one: springs near a resonance, and whatever moves
+# the carriage by a good part of a pitch's polygon.
+FAR: tuple[tuple[str, str, float], ...] = (
+    ('tensioner_stiffness', 'factor', 1.4),
+    ('tensioner_stiffness', 'factor', 0.7),
+    ('tensioner_preload', 'factor', 1.25),
+    ('tensioner_preload', 'factor', 0.8),
+    ('drive_stiffness', 'factor', 0.25),
+    ('rolling_resistance', 'factor', 1.6),
+    ('rolling_resistance', 'factor', 0.6),
+    ('landing_length', 'delta_m', 6e-3),
+    ('landing_length', 'delta_m', -6e-3),
+)
+ECCENTRICITY_M, FLAT_M = 4e-4, 6e-4
+
+
+def _tread(cause: str, size: float, phase: float) -> Deviation:
+    key = 'amplitude_m' if cause == 'roller_eccentricity' else 'depth_m'
+    place: dict[str, object] = {'axle': 0, 'side': 'left'}
+    return Deviation(cause, {key: size, 'phase_rad': phase}, place)
+
+
+@dataclass(frozen=True)
+class Responses:
+    """All responses of one experiment at one speed.
+
+    Attributes
+    ----------
+    frame : Frame
+    base : Loop
+        The machine of the data sheet, all places.
+    knobs : mapping of name to (n_loop, c) float32
+        Change of the machine's channels by one standard deviation of a tolerance.
+    whole : mapping of cause to (n_loop, 1 + 5 n) float32
+        Change per unit of size of causes without an index.
+    places : mapping of cause to (n_loop, 1 + 5 n) float32
+        The same at index 0, on the left where there is a side.
+    eccentric : (n_loop, 1 + 5 n) complex64
+        Per metre, of a tread that varies as the real part of exp(i turn).
+    far : mapping of (cause, parameter, value) to (n_loop, 1 + 5 n) float32
+        Change by a large size.
+    stops : mapping of displacement (m) to (n_loop, 1 + 5 n) float32
+        Change by a stop there.
+    radius_m : float
+        Of the rollers.
+    """
+
+    frame: Frame
+    base: Loop
+    knobs: dict[str, Columns]
+    whole: dict[str, Columns]
+    places: dict[str, Columns]
+    eccentric: Columns
+    far: dict[tuple[str, str, float], Columns]
+    stops: dict[float, Columns]
+    radius_m: float
+
+    @property
+    def turn_per_loop(self) -> float:
+        """Angle that a roller turns in a loop, rad, signed as travel."""
+        return self.base.rolled_m / self.radius_m
+
+
+def find_responses(
+    machine: Machine,
+    experiment: Experiment,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Responses:
+    """Simulate one loop for every tolerance and every cause.
+
+    Parameters
+    ----------
+    machine : Machine
+    experiment : Experiment
+        ``set_speed_m_s`` is the real speed; a list of loads is taken as its mean.
+    jobs : int
+        Simulations at a time.
+    progress : callable, optional
+        Gets (done, total) in simulations.
+    """
+    frame = Frame.of(machine, experiment.set_speed_m_s)
+    n = machine.chain.n_links
+    every = all_probes()
+    seen = sensor_probes(machine.instruments.sensors, n)
+    knobs = knobs_of(machine, experiment)
+    base = simulate_loop(machine, experiment, frame, every)
+    stops = _stop_levels(base)
+    is_loaded = max(experiment.load_per_step_kg) > 0.0
+    tasks: dict[object, Callable[[], Columns]] = {}
+
+    def knob_task(knob: Knob) -> Callable[[], Columns]:
+        def work() -> Columns:
+            turned, setting = knob.turn(machine, experiment, KNOB_STEP)
+            delta = simulate_loop(turned, setting, frame, seen, (), base.rack_m).columns
+            return (delta - at_sensors(base.columns, seen, n)) / np.float32(KNOB_STEP)
+
+        return work
+
+    def cause_task(deviation: Deviation, size: float) -> Callable[[], Columns]:
+        def work() -> Columns:
+            loop = simulate_loop(machine, experiment, frame, every, (deviation,), base.rack_m)
+            change: Columns = (loop.columns - base.columns) / np.float32(size)
+            return change
+
+        return work
+
+    for name, (deviation, size) in {**ALL_PLACES, **WHOLE}.items():
+        if name in ('load_distribution', 'load_offset') and not is_loaded:
+            continue
+        tasks[name] = cause_task(deviation, size)
+    for k, phase in enumerate((0.5 * pi, 0.0)):
+        tasks['eccentric', k] = cause_task(
+            _tread('roller_eccentricity', ECCENTRICITY_M, phase), ECCENTRICITY_M
+        )
+    for key in FAR:
+        name, parameter, value = key
+        place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
+        tasks['far', *key] = cause_task(Deviation(name, {parameter: value}, place), 1.0)
+    for level in stops:
+        tasks['stop', level] = cause_task(
+            Deviation('tensioner_stop', {'displacement_m': level}), 1.0
+        )
+    for knob in knobs:
+        tasks['knob', knob.name] = knob_task(knob)
+    found = _run(tasks, jobs, progress)
+    return Responses(
+        frame,
+        base,
+        {k.name: found['knob', k.name] for k in knobs},
+        {name: found[name] for name in WHOLE if name in found},
+        {name: found[name] for name in ALL_PLACES if name in found},
+        found['eccentric', 0] + 1j * found['eccentric', 1],
+        {key: found['far', *key] for key in FAR},
+        {level: found['stop', level] for level in stops},
+        machine.roller.diameter_m / 2.0,
+    )
+
+
+def find_knobs(
+    machine: Machine, experiment: Experiment, speed_m_s: float, jobs: int = 1
+) -> dict[str, Columns]:
+    """Simulate one loop for every tolerance of a machine with its deviations.
+
+    A deviation that moves a resonance changes what the tolerances do.
+    """
+    frame = Frame.of(machine, speed_m_s)
+    experiment = replace(experiment, set_speed_m_s=speed_m_s)
+    seen = sensor_probes(machine.instruments.sensors, machine.chain.n_links)
+    base = simulate_loop(machine, experiment, frame, seen)
+
+    def task(knob: Knob) -> Callable[[], Columns]:
+        def work() -> Columns:
+            turned, setting = knob.turn(machine, experiment, KNOB_STEP)
+            loop = simulate_loop(turned, setting, frame, seen, (), base.rack_m)
+            change: Columns = (loop.columns - base.columns) / np.float32(KNOB_STEP)
+            return change
+
+        return work
+
+    knobs = knobs_of(machine, experiment)
+    found = _run({knob.name: task(knob) for knob in knobs}, jobs, None)
+    return {knob.name: found[knob.name] for knob in knobs}
+
+
+def find_flats(
+    machine: Machine, experiment: Experiment, responses: Responses, jobs: int = 1
+) -> Columns:
+    """Simulate one loop for a flat spot of the first roller at every phase.
+
+    Returns
+    -------
+    flats : (FLAT_PHASES, n_loop, 1 + 5 n) float32
+        Per metre of depth, for phases of 0 to 2 pi.
+    """
+    frame, every = responses.frame, all_probes()
+    experiment = replace(experiment, set_speed_m_s=frame.speed_m_s)
+
+    def task(phase: float) -> Callable[[], Columns]:
+        def work() -> Columns:
+            deviation = _tread('roller_flat', FLAT_M, phase)
+            loop = simulate_loop(
+                machine, experiment, frame, every, (deviation,), responses.base.rack_m
+            )
+            change: Columns = (loop.columns - responses.base.columns) / np.float32(FLAT_M)
+            return change
+
+        return work
+
+    phases = [2.0 * pi * k / FLAT_PHASES for k in range(FLAT_PHASES)]
+    found = _run({phase: task(phase) for phase in phases}, jobs, None)
+    return np.stack([found[phase] for phase in phases])
+
+
+def _stop_levels(base: Loop) -> list[float]:
+    """Return displacements of the carriage in the upper half of its motion, m."""
+    motion = base.columns[:, 0]
+    middle = 0.5 * float(motion.max() + motion.min())
+    return [middle + share * (float(motion.max()) - middle) for share in STOP_SHARES]
+
+
+def _run(
+    tasks: dict[object, Callable[[], Columns]], jobs: int, progress: Progress | None
+) -> dict[object, Columns]:
+    """Run tasks on threads; the compiled loop runs without Python's lock."""
+    done = 0
+    found: dict[object, Columns] = {}
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        futures = {key: pool.submit(task) for key, task in tasks.items()}
+        for key, future in futures.items():
+            found[key] = future.result()
+            done += 1
+            if progress is not None:
+                progress(done, len(tasks))
+    return found
+
+
+def at_sensors(
+    columns: Columns, probes: np.ndarray, n_links: int, index: int = 0, mirrored: bool = False
+) -> Columns:
+    """Pick what a machine's sensors see out of the columns of all places.
+
+    Parameters
+    ----------
+    columns : (..., 1 + 5 n) float32
+        As ``all_probes`` orders them, of a cause at index 0 on the left.
+    probes : (c, 3) int64
+        Of the sensors.
+    n_links : int
+    index : int
+        Of the cause; the sensors then sit ``index`` places behind.
+    mirrored : bool
+        The cause sits on the right.
+    """
+    picked, sign = [], []
+    for kind, at, side in probes:
+        place = (at - index) % n_links
+        sign.append(-1.0 if mirrored and kind == run.ACCEL_Y else 1.0)
+        if kind == run.CARRIAGE:
+            picked.append(0)
+        elif kind == run.LINK_FORCE:
+            picked.append(1 + (1 - side if mirrored else side) * n_links + place)
+        else:
+            axis = (run.ACCEL_X, run.ACCEL_Y, run.ACCEL_Z).index(kind)
+            picked.append(1 + (2 + axis) * n_links + place)
+    seen: Columns = columns[..., picked] * np.array(sign, np.float32)
+    return seen

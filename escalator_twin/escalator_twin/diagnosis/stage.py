@@ -1,0 +1,149 @@
+"""One recording beside a machine that is known so far: run it, compare it, fit what is left."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from escalator_twin.causes.application import apply
+from escalator_twin.comparison.locate import RATE_HZ, Setting
+from escalator_twin.diagnosis.knobs import Knob, knobs_of, turn_all
+from escalator_twin.diagnosis.loops import rack_shift
+from escalator_twin.diagnosis.nuisance import Nuisance
+from escalator_twin.diagnosis.observation import Observation, on_grid
+from escalator_twin.diagnosis.regression import fit, Fitted
+from escalator_twin.diagnosis.whitening import Whitener
+from escalator_twin.machine import Deviation, Machine
+from escalator_twin.physics.path import build_path
+from escalator_twin.physics.rollout import Trace
+from escalator_twin.signals import Experiment, Floats
+from escalator_twin.twin import make_simulation, run_twin
+
+LARGEST = 2.5  # standard deviations that a tolerance is turned by; what is beyond is an effect's
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A recording, what it is compared with, and how that is weighed.
+
+    Attributes
+    ----------
+    machine : Machine
+        As described, with the deviations accepted so far.
+    setting : Setting
+    observation : Observation
+    nuisance : Nuisance
+    whiten : Whitener
+    knobs : tuple of Knob
+    turned : mapping of knob name to float
+        Tolerances that the model holds, standard deviations.
+    rack_m : float
+        Of the run that the recording was aligned with, see ``rack_shift``.
+    """
+
+    machine: Machine
+    setting: Setting
+    observation: Observation
+    nuisance: Nuisance
+    whiten: Whitener
+    white_nuisance: np.ndarray
+    knobs: tuple[Knob, ...]
+    turned: dict[str, float]
+    rack_m: float
+
+    @property
+    def machine_length(self) -> float:
+        """Length of the design path, m."""
+        return build_path(self.machine.guide).length_m
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """One standard deviation of every tolerance that a cause's parameter may stand for."""
+        return {
+            **self.machine.tolerances,
+            'experiment.preload_n': self.machine.tensioner.preload_tol,
+            'guide.upper_landing_m': self.machine.guide.landing_tol_m,
+        }
+
+    @property
+    def offset(self) -> Floats:
+        """Sizes of the nuisance that the model holds, (q,)."""
+        return np.array([self.turned.get(name, 0.0) for name in self.nuisance.names])
+
+    def run(self, deviations: tuple[Deviation, ...] = (), without: str | None = None) -> Floats:
+        """Simulate the machine with more deviations, on the observation's grid, (n, c).
+
+        ``without`` names a tolerance that is not turned: the deviation stands for it.
+        """
+        return self.on_grid(self.trace(deviations, without))
+
+    def trace(self, deviations: tuple[Deviation, ...] = (), without: str | None = None) -> Trace:
+        """Simulate the machine with more deviations."""
+        sizes = {k: v for k, v in self.turned.items() if k != without}
+        machine, experiment = turn_all(self.machine, self.setting.experiment, self.knobs, sizes)
+        return run_beside(apply(machine, deviations), experiment, self.setting)
+
+    def on_grid(self, trace: Trace) -> Floats:
+        """Put a run onto the observation's grid, (n, c)."""
+        columns = {s.channel: i for i, s in enumerate(self.machine.instruments.sensors)}
+        speed = self.setting.experiment.set_speed_m_s
+        experiment = self.setting.experiment
+        shift = rack_shift(
+            experiment.direction * trace.rack_m,
+            experiment.direction * self.rack_m,
+            self.observation.frame.pitch_m,
+        )
+        return on_grid(trace, speed, self.observation, columns, shift)
+
+    def residual(self, model: Floats) -> Floats:
+        """Return measured less simulated, means removed, (n, c)."""
+        difference = self.observation.measured - model
+        valid = self.observation.valid
+        count = np.maximum(valid.sum(axis=0), 1)
+        centred: Floats = difference - np.where(valid, difference, 0.0).sum(axis=0) / count
+        return centred
+
+    def white(self, model: Floats) -> np.ndarray:
+        """Return the whitened residual, (m,)."""
+        white: np.ndarray = self.whiten(self.residual(model)[:, :, None])[:, 0]
+        return white
+
+    def fit(self, model: Floats) -> Fitted:
+        """Fit the nuisance to what a model leaves."""
+        return fit(self.white(model), self.white_nuisance, self.offset)
+
+    def tuned(self, fitted: Fitted, share: float = 1.0) -> 'Stage':
+        """Return the stage whose model holds the fitted tolerances, or a share of the step."""
+        sizes = self.offset + share * fitted.sizes
+        names = {knob.name for knob in self.knobs}
+        turned = {
+            name: float(np.clip(size, -LARGEST, LARGEST))
+            for name, size in zip(self.nuisance.names, sizes, strict=True)
+            if name in names
+        }
+        return replace(self, turned=turned)
+
+    def extended(self, deviations: tuple[Deviation, ...]) -> 'Stage':
+        """Return the stage whose machine has more deviations."""
+        return replace(self, machine=apply(self.machine, deviations))
+
+
+def run_beside(machine: Machine, experiment: Experiment, setting: Setting) -> Trace:
+    """Run a machine as a recording ran."""
+    simulation = make_simulation(machine, experiment)
+    sensors = machine.instruments.sensors
+    return run_twin(simulation, sensors, setting.start_s_m, setting.duration_s, RATE_HZ)
+
+
+def make_stage(
+    machine: Machine,
+    setting: Setting,
+    observation: Observation,
+    nuisance: Nuisance,
+    whiten: Whitener,
+    rack_m: float,
+) -> Stage:
+    """Return the stage of a machine as described."""
+    return Stage(
+        machine, setting, observation, nuisance, whiten, whiten(nuisance.columns),
+        knobs_of(machine, setting.experiment), {}, rack_m,
+    )  # fmt: skip

@@ -1,0 +1,143 @@
+"""What no cause accounts for: whether it is beyond the twin's own error, and what it is like."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.view import View
+from escalator_twin.diagnosis.whitening import frequencies, TEMPERATURE
+from escalator_twin.signals import Floats
+
+# Of recordings of machines within tolerance (generator, docs/diagnosis.md): mean of the logarithm
+# of chi squared per sample over the floor, and its standard deviation, by channel.
+CLEAN_LOG, CLEAN_SD = -0.15, 0.22
+SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordings
+OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
+PEAKS = 3
+SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """The remainder of one recording.
+
+    Attributes
+    ----------
+    significant : bool
+        Beyond what the twin's error and the tolerances give, at 1 %.
+    share : float
+        Of the whitened residual energy before any cause.
+    explained : float
+        How much of the energy above the floor the effects account for.
+    signature : mapping
+    """
+
+    significant: bool
+    share: float
+    explained: float
+    signature: dict[str, Any]
+
+
+def by_channel(place: Beside) -> Floats:
+    """Return chi squared per coefficient of every channel, nuisance taken out, (c,)."""
+    c = len(place.stage.observation.channels)
+    left = place.fitted.left().astype(np.float64).reshape(-1, c)
+    return np.asarray(TEMPERATURE * np.mean(left**2, axis=0))
+
+
+def is_open(place: Beside) -> bool:
+    """Tell whether any channel holds more than a good machine's usually does."""
+    return bool((by_channel(place) > np.exp(CLEAN_LOG + OPEN_SIGMAS * CLEAN_SD)).any())
+
+
+def look(context: Context, before: Beside, after: Beside) -> Unexplained:
+    """Judge what is left.
+
+    Parameters
+    ----------
+    context : Context
+    before, after : Beside
+        The machine as described, and with its effects.
+    """
+    first, last = by_channel(before), by_channel(after)
+    limit = float(np.exp(CLEAN_LOG + SIGMAS * CLEAN_SD))
+    floor = float(np.exp(CLEAN_LOG))
+    significant = bool((last > limit).any())
+    excess = float(np.maximum(last - floor, 0.0).sum())
+    whole = float(np.maximum(first - floor, 0.0).sum())
+    share = float(np.clip(excess / max(float(first.sum()), 1e-12), 0.0, 1.0))
+    explained = float(np.clip(1.0 - excess / max(whole, 1e-12), 0.0, 1.0))
+    signature = signature_of(context, after, last, floor) if significant else {}
+    return Unexplained(significant, share if significant else 0.0, explained, signature)
+
+
+def signature_of(context: Context, place: Beside, chi2: Floats, floor: float) -> dict[str, Any]:
+    """Return which channels the remainder is in, where it sits and what it repeats with."""
+    observation = place.stage.observation
+    c = len(observation.channels)
+    left = place.fitted.left().astype(np.float64).reshape(-1, c)
+    excess = np.maximum(chi2 - floor, 0.0)
+    main = int(np.argmax(excess))
+    f = frequencies(len(observation.index), observation.frame.rate_hz)[: len(left)]
+    power = left[:, main] ** 2
+    smooth = np.convolve(power, np.ones(5) / 5.0, 'same')
+    peaks: list[float] = []
+    for k in np.argsort(-smooth):
+        if all(abs(f[k] - p) > 0.1 for p in peaks):
+            peaks.append(float(f[k]))
+        if len(peaks) == PEAKS:
+            break
+    pitch_hz = observation.frame.speed_m_s / observation.frame.pitch_m
+    orders = f / pitch_hz
+    near = np.abs(orders - np.round(orders)) < 0.03
+    comb = float(power[near & (orders > 0.5)].sum() / max(power.sum(), 1e-30))
+    time = _in_time(left, place)
+    loop = _loop_correlation(time[:, main], observation.frame.n_loop)
+    locked = []
+    if comb > 0.5:
+        locked.append('travel')
+    if loop is not None and loop > SAME_LOOP:
+        locked.append('place in the loop: guide or link')
+    if loop is not None and loop <= SAME_LOOP and comb <= 0.5:
+        locked.append('time')
+    energy = np.convolve(time[:, main] ** 2, np.ones(25) / 25.0, 'same')
+    view = View.of(
+        context.machine, observation, context.responses, context.setting.experiment.direction
+    )
+    at = int(np.argmax(energy))
+    return {
+        'channels': {
+            name: round(float(value), 3)
+            for name, value in zip(
+                observation.channels, excess / max(excess.sum(), 1e-30), strict=True
+            )
+            if value > 0.05 * excess.sum()
+        },
+        'locked_to': locked or ['unknown'],
+        'frequencies_hz': [round(p, 3) for p in peaks],
+        'cycles_per_pitch': [round(p / pitch_hz, 3) for p in peaks],
+        'pitch_multiples_share': round(comb, 3),
+        'loop_correlation': None if loop is None else round(loop, 3),
+        'largest_at_s_m': round(float(view.place_of(0)[at]), 2),
+        'largest_at_time_s': round(float(observation.time_s[at, main]), 2),
+    }
+
+
+def _in_time(left: Floats, place: Beside) -> Floats:
+    """Return the whitened residual along the grid, (n, c)."""
+    n = len(place.stage.observation.index)
+    whole = np.zeros((n, left.shape[1]))
+    whole[: len(left)] = left
+    found: Floats = fft.idct(whole, axis=0, norm='ortho')
+    return found
+
+
+def _loop_correlation(signal: Floats, n_loop: int) -> float | None:
+    """Return the correlation of two passages; None where fewer than a quarter loop came twice."""
+    twice = len(signal) - n_loop
+    if twice < n_loop // 4:
+        return None
+    return float(np.corrcoef(signal[:twice], signal[n_loop:])[0, 1])

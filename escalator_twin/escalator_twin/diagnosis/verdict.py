@@ -1,0 +1,123 @@
+"""Weigh what was refined: every cause and place against all others and against none.
+
+Evidence is half the fall of chi squared, its variances multiplied by a temperature: the twin's
+error is not noise of its own in every sample. A cause that only
+uses up what a good machine may have is none: its size counts in tolerances.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, inf, log
+
+import numpy as np
+
+from escalator_twin.causes.registry import CAUSES
+from escalator_twin.diagnosis.proposals import Proposal
+
+# What one more free number of a cause costs, nats: half the logarithm of the ratio of its prior
+# range to its interval, some e^6.
+PER_NUMBER = 3.0
+EFFECT_TOLERANCES = 3.0  # contracts.md: an effect is more than three of them
+TOLERANCE_DOUBT = 0.7  # tolerances: what the fit of one tolerance is off by through the others
+PRIOR_EFFECT = 5.0  # nats that speak for a good machine before anything was seen
+# The same where a cause stands for a tolerance, whose prior has its say already: at four tolerances
+# an effect is likelier than not, at three it is not.
+PRIOR_BEYOND = 4.0
+ALIKE = 3.0  # nats within which two causes cannot be told apart
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A candidate and its share of belief.
+
+    Attributes
+    ----------
+    proposal : Proposal
+    gain : float
+        Fall of chi squared.
+    evidence : float
+        Nats against no cause.
+    probability : float
+    """
+
+    proposal: Proposal
+    gain: float
+    evidence: float
+    probability: float
+
+
+def size_in_tolerances(proposal: Proposal) -> float:
+    """Return how many tolerances a proposal's size is from neutral; infinity without one."""
+    total, known = 0.0, False
+    for parameter in CAUSES[proposal.cause].sizes:
+        if parameter.tolerance is None or parameter.neutral is None:
+            continue
+        if parameter.name in proposal.parameters:
+            known = True
+            way = proposal.parameters[parameter.name] - parameter.neutral
+            if (proposal.cause, parameter.name) in RATIOS:
+                way = log(max(proposal.parameters[parameter.name], 1e-3))
+            total += (way / parameter.tolerance) ** 2
+    return total**0.5 if known else inf
+
+
+RATIOS = {('drive_stiffness', 'factor'), ('link_stiffness', 'factor')}
+
+
+def evidence_of(proposal: Proposal, gain: float) -> float:
+    """Return nats for a proposal against a machine within tolerance.
+
+    Parameters
+    ----------
+    proposal : Proposal
+    gain : float
+        Fall of chi squared.
+    """
+    if gain <= 0.0:
+        return -inf
+    tolerances = size_in_tolerances(proposal)
+    if tolerances < EFFECT_TOLERANCES:
+        return -inf
+    spread = 1.0 / gain
+    if np.isfinite(tolerances):
+        doubt = TOLERANCE_DOUBT if proposal.nuisance else 0.0
+        spread += (1.0 + doubt**2) / tolerances**2
+    if proposal.nuisance:
+        return 0.5 / spread - log(max(proposal.places, 1)) - PRIOR_BEYOND
+    numbers = PER_NUMBER * max(len(proposal.fitted), 1)
+    return 0.5 / spread - log(max(proposal.places, 1)) - numbers - PRIOR_EFFECT
+
+
+def weigh(candidates: Sequence[tuple[Proposal, float]]) -> list[Weighed]:
+    """Return candidates with their probabilities, best first.
+
+    The best is weighed against none; all others against the best, by what chi squared says.
+
+    Parameters
+    ----------
+    candidates : sequence of (proposal, gain)
+    """
+    rows = [(p, g, evidence_of(p, g)) for p, g in candidates]
+    real = [row for row in rows if row[2] > -inf]
+    if not real:
+        return [Weighed(p, g, e, 0.0) for p, g, e in sorted(rows, key=lambda r: -r[1])]
+    top = max(real, key=lambda row: 0.5 * row[1] - _cost(row[0]))
+    reference = 0.5 * top[1] - _cost(top[0])
+    logs = []
+    for p, g, e in rows:
+        beside = top[2] + (0.5 * g - _cost(p)) - reference
+        logs.append(min(beside, e) if p is not top[0] and e < top[2] else beside)
+        if e == -inf:
+            logs[-1] = -inf
+    peak = max(0.0, *(value for value in logs if value > -inf))
+    weights = [exp(max(value - peak, -700.0)) if value > -inf else 0.0 for value in logs]
+    total = sum(weights) + exp(-peak)
+    found = [
+        Weighed(p, g, value, w / total)
+        for (p, g, _), value, w in zip(rows, logs, weights, strict=True)
+    ]
+    return sorted(found, key=lambda w: (-w.probability, -w.gain))
+
+
+def _cost(proposal: Proposal) -> float:
+    return log(max(proposal.places, 1)) + PER_NUMBER * max(len(proposal.fitted), 1)

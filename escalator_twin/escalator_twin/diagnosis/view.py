@@ -1,0 +1,95 @@
+"""How a cause at any place looks in an observation: columns out of one-loop responses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from escalator_twin.diagnosis.loops import sensor_probes
+from escalator_twin.diagnosis.observation import Observation
+from escalator_twin.diagnosis.responses import at_sensors, Responses
+from escalator_twin.machine import Machine
+from escalator_twin.signals import Floats
+
+
+@dataclass(frozen=True)
+class View:
+    """Looks up loop responses where an observation's samples were taken.
+
+    Attributes
+    ----------
+    observation : Observation
+    responses : Responses
+    direction : int
+        +1 up, -1 down.
+    probes : (c, 3) int64
+        Of the observation's channels.
+    """
+
+    observation: Observation
+    responses: Responses
+    direction: int
+    probes: np.ndarray
+
+    @classmethod
+    def of(
+        cls, machine: Machine, observation: Observation, responses: Responses, direction: int
+    ) -> 'View':
+        """Return the view of a machine's observation."""
+        sensors = {s.channel: s for s in machine.instruments.sensors}
+        probes = sensor_probes(
+            tuple(sensors[c] for c in observation.channels), machine.chain.n_links
+        )
+        return cls(observation, responses, direction, probes)
+
+    @property
+    def n_links(self) -> int:
+        """Links of a side."""
+        return self.observation.frame.n_links
+
+    def unwrapped(self, index: int) -> np.ndarray:
+        """Return the grid points at which part 0 would be where part ``index`` is, (n,)."""
+        frame = self.observation.frame
+        return self.observation.index + self.direction * index * frame.per_pitch
+
+    def at(self, columns: np.ndarray, index: int = 0, mirrored: bool = False) -> np.ndarray:
+        """Return a response (n_loop, 1 + 5 n), taken at index 0, as seen at ``index``: (n, c)."""
+        picked = at_sensors(columns, self.probes, self.n_links, index, mirrored)
+        return picked[self.unwrapped(index) % self.observation.frame.n_loop]
+
+    def each(self, columns: np.ndarray, sides: Sequence[bool] = (False,)) -> np.ndarray:
+        """Return a response at every index, for every side: (n, c, sides n_links)."""
+        views = [self.at(columns, i, side) for side in sides for i in range(self.n_links)]
+        return np.stack(views, axis=2)
+
+    def turning(self, waves: np.ndarray, index: int, mirrored: bool, order: int = 1) -> np.ndarray:
+        """Return a complex response to a tread's wave of some order per turn: (n, c)."""
+        frame = self.observation.frame
+        where = self.unwrapped(index)
+        picked = at_sensors(waves, self.probes, self.n_links, index, mirrored)
+        loops = where // frame.n_loop
+        turn = np.exp(1j * order * self.responses.turn_per_loop * loops).astype(np.complex64)
+        seen: np.ndarray = picked[where % frame.n_loop] * turn[:, None]
+        return seen
+
+    def place_of(self, index: int) -> Floats:
+        """Return the path coordinate of axle ``index`` at the grid points, m, (n,)."""
+        length = abs(self.responses.base.rolled_m)
+        place = self.responses.base.place_m[self.unwrapped(index) % self.observation.frame.n_loop]
+        found: Floats = place % length
+        return found
+
+    def turn_at_start(self, index: int) -> float:
+        """Return the angle that a roller of axle ``index`` has at the run's start, rad.
+
+        Counted from where part 0 stands at path coordinate 0.
+        """
+        frame = self.observation.frame
+        where = (
+            self.observation.start_m / frame.spacing_m + self.direction * index * frame.per_pitch
+        )
+        loops = np.floor(where / frame.n_loop)
+        place = self.responses.base.place_m
+        way = np.append(place, place[0] + self.responses.base.rolled_m) - place[0]
+        here = np.interp(where - loops * frame.n_loop, np.arange(frame.n_loop + 1), way)
+        return float(here / self.responses.radius_m + loops * self.responses.turn_per_loop)
