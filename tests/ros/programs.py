@@ -10,25 +10,31 @@ import sys
 import time
 from typing import Any
 
+TESTS = Path(__file__).resolve().parents[1]
 START_S = 120.0  # imports and compiling, on a machine that is busy with other things
 
 
 class Program:
-    """One node; its output goes to a file."""
+    """One node, or a module of the tests that runs one; its output goes to a file."""
 
     def __init__(
         self, name: str, log: Path, parameters: dict[str, Any], args: Sequence[str]
     ) -> None:
         words = [f'{key}:={value}' for key, value in parameters.items()]
         options = [item for word in words for item in ('-p', word)]
-        module = f'escalator_twin.ros.{name}_node'
+        module = name if '.' in name else f'escalator_twin.ros.{name}_node'
         self.log = log
         with log.open('w') as out:
             self.process = subprocess.Popen(
                 [sys.executable, '-m', module, '--ros-args', *options, *args],
                 stdout=out,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, 'RCUTILS_COLORIZED_OUTPUT': '0', 'PYTHONUNBUFFERED': '1'},
+                env={
+                    **os.environ,
+                    'RCUTILS_COLORIZED_OUTPUT': '0',
+                    'PYTHONUNBUFFERED': '1',
+                    'PYTHONPATH': os.pathsep.join([str(TESTS), *sys.path]),
+                },
             )
 
     @property

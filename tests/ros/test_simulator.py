@@ -11,7 +11,7 @@ from .programs import program
 
 pytestmark = [pytest.mark.ros, pytest.mark.issue(2)]
 
-SETTLE_S = 0.5  # for a service to discover a new client, too
+SETTLE_S = 2.5  # for a service to discover a new client, too: two seconds have been seen
 
 
 class Client:
@@ -175,7 +175,7 @@ def test_diagnostics_and_markers_while_it_runs(client):
     for descriptor in described.descriptors:
         assert descriptor.description, descriptor.name
         assert descriptor.read_only == (
-            descriptor.name not in ('real_time_factor', 'message_rate')
+            descriptor.name not in ('machine', 'message_rate', 'real_time_factor')
         ), descriptor.name
 
 
@@ -186,6 +186,7 @@ def test_diagnostics_and_markers_while_it_runs(client):
         ('simulator', ['machine:=nowhere.yaml'], 'nowhere.yaml: cannot be read'),
         ('comparator', ['bag:=nowhere'], 'nowhere: no such file'),
         ('comparator', ['rate:=fast'], "rate: expected a number, found 'fast'"),
+        ('comparator', ['json:=/nowhere/a.json'], 'json: /nowhere/a.json: cannot be written'),
     ],
 )
 def test_wrong_parameters_end_in_one_line(node_name, words, text):

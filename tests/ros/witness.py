@@ -64,6 +64,14 @@ class Witness:
                 while (taken := handle.take_message(kind, True)) is not None:
                     heard.append(taken[0])
 
+    def wait_for(self, counts: dict[str, int], timeout: float = 30.0) -> None:
+        """Wait until as many messages have come on each topic; return in any case in the end."""
+        limit = time.monotonic() + timeout
+        while time.monotonic() < limit:
+            if all(len(self.heard[topic]) >= n for topic, n in counts.items()):
+                return
+            time.sleep(0.02)
+
     def wait_until_silent(self, quiet_s: float = 1.0, timeout: float = 60.0) -> None:
         limit, last, since = time.monotonic() + timeout, -1, time.monotonic()
         while time.monotonic() < limit:

@@ -17,6 +17,8 @@ def values_of(comparing: Comparing) -> dict[str, object]:
     run = comparing.link.run
     return {
         'state': comparing.state,
+        'machine': comparing.machine_path,
+        'measured messages': comparing.n_measured,
         'simulated messages': run.n_received,
         'simulated messages lost': run.n_lost,
         'simulated messages out of order': run.n_disordered,

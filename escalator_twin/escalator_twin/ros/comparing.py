@@ -2,6 +2,8 @@
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
+import queue
 import threading
 from typing import Any
 
@@ -15,9 +17,9 @@ from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Machine
-from escalator_twin.physics.path import build_path
+from escalator_twin.physics.course import course_of
 from escalator_twin.physics.rollout import Trace
-from escalator_twin.ros.files import write_json
+from escalator_twin.ros.files import find_machine, write_json
 from escalator_twin.ros.link import SimulatorLink
 from escalator_twin.ros.outputs import NS, Output
 from escalator_twin.ros.results import comparison_message, quality_message
@@ -28,6 +30,7 @@ from escalator_twin.ros.worker import Stopped
 from escalator_twin.signals import Nanoseconds, Recording
 from escalator_twin.sync.travel import Travel
 
+WAIT_S = 0.1  # between two looks at whether there is another machine
 COMPARISON_TYPE = 'escalator_msgs/msg/Comparison'
 
 
@@ -55,16 +58,19 @@ class Comparing:
         self, node: Node, settings: ComparatorSettings, machine: Machine, topics: Topics
     ) -> None:
         self.node, self.settings, self.machine = node, settings, machine
+        self.machine_path = settings.machine
         self.state = 'starting'
-        self.n_compared = 0
+        self.n_compared = self.n_measured = 0
         self._shift_ns = 0
         self.closing = threading.Event()
+        self._handed_over: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._last_bag_ns = 0
         self.link = SimulatorLink(node, machine, self.pause)
         self.session = Session(settings.session, machine) if settings.session else None
         self._topics = topics
         self._judge = ThreadPoolExecutor(1, thread_name_prefix='judge')
         self._pending: list[tuple[Future[Any], Setting]] = []
-        self._length_m = build_path(machine.guide).length_m
+        self._length_m = course_of(machine).length_m
 
     def pause(self, seconds: float) -> None:
         """Wait; raise `Stopped` where the node is to end."""
@@ -76,10 +82,54 @@ class Comparing:
         self.state = text
         self.node.get_logger().info(text)
 
+    # another machine
+
+    def hand_over(self, path: str) -> None:
+        """Have the simulator take another description over; compare with that from its next start.
+
+        Raises
+        ------
+        EscalatorError
+            Where it does not.
+        """
+        self.link.set_machine(path)
+        self._handed_over.put(path)
+
+    def wait_for_machine(self) -> None:
+        """Wait until the simulator has another machine."""
+        while self._handed_over.empty():
+            self.pause(WAIT_S)
+
+    def take_machine(self) -> bool:
+        """Compare with the machine that the simulator took over; tell whether there is one.
+
+        The session ends: in another one, what is simulated would stand beside it once more.
+        """
+        if self._handed_over.empty():
+            return False
+        while not self._handed_over.empty():
+            self.machine_path = self._handed_over.get()
+        self.machine = find_machine(self.machine_path)
+        self.note_simulated(None)
+        session, self.session = self.session, None
+        if session is not None:
+            session.close()
+        self.say(f'comparing with {self.machine_path}')
+        return True
+
+    @property
+    def json(self) -> str:
+        """File for the result: one of its own where the machine is another one; '' for none."""
+        path = self.settings.json
+        if not path or self.machine_path == self.settings.machine:
+            return path
+        return str(Path(path).with_suffix('')) + '_extended.json'
+
     # samples
 
     def note_measured(self, messages: list[Message]) -> None:
-        """Put measured messages into the session."""
+        """Count measured messages and put them into the session."""
+        self.n_measured += len(messages)
         if self.session is not None:
             for message in messages:
                 self.session.add(message)
@@ -157,14 +207,14 @@ class Comparing:
         document, judgement = self._compare(recording, setting, self.trace())
         if self.session is not None:
             note_aligned(self.session, judgement, setting.origin_ns, self._shift_ns)
-        if self.settings.json:
-            whole = {'schema': SCHEMA, 'machine': self.settings.machine, 'recordings': [document]}
-            write_json(self.settings.json, whole)
+        if self.json:
+            whole = {'schema': SCHEMA, 'machine': self.machine_path, 'recordings': [document]}
+            write_json(self.json, whole)
         self._publish(document, setting, is_final=True)
         run = self.link.run
         self.say(
-            f'compared {document["path"]}: {run.n_received} simulated messages, '
-            f'{run.n_lost} lost, {run.n_disordered} out of order'
+            f'compared {document["path"]}: {self.n_measured} measured and {run.n_received} '
+            f'simulated messages, {run.n_lost} lost, {run.n_disordered} out of order'
         )
 
     def _compare(
@@ -180,11 +230,16 @@ class Comparing:
         self._topics.comparison.publish(message)
         if is_final:
             self._topics.summary.publish(message)
-        if self.session is not None:
-            name = self._topics.comparison.topic_name
-            data = serialize_message(message)
-            self.session.add(Message(name, end_ns + self._shift_ns, data, COMPARISON_TYPE))
+        self._last_bag_ns = end_ns + self._shift_ns
+        name = self._topics.comparison.topic_name
+        self.note_result(name, serialize_message(message), COMPARISON_TYPE)
         self.n_compared += 1
+
+    def note_result(self, topic: str, data: bytes, kind: str) -> None:
+        """Put a result into the session, at the time of the last comparison."""
+        session = self.session
+        if session is not None and self._last_bag_ns:
+            session.add(Message(f'/{topic.lstrip("/")}', self._last_bag_ns, data, kind))
 
     def close(self) -> None:
         """End the judging, finish the session."""

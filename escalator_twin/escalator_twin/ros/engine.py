@@ -46,7 +46,7 @@ class Engine(threading.Thread):
     ) -> None:
         super().__init__(name='simulation', daemon=True)
         self.machine, self.ahead_s = machine, ahead_s
-        self._sensors = sensors_of(machine)
+        self._sensors = sensors_of(machine)  # of the present run
         self.real_time_factor = real_time_factor
         self.run_now: Run | None = None
         self.trouble = ''
@@ -86,8 +86,13 @@ class Engine(threading.Thread):
         simulation.start(order.start_s_m)
         steps = round(order.duration_s / simulation.step_s) if order.duration_s else None
         self.run_now = Run(order, simulation, rate, steps)
+        self._sensors = sensors_of(self.machine)
         self.trouble = ''
         return self.run_now
+
+    def take_over(self, machine: Machine) -> None:
+        """Have another machine from the next start; the present run stays what it is."""
+        self.machine = machine
 
     def pause(self, is_paused: bool) -> None:
         """Stop or go on."""

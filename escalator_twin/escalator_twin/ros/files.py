@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,13 @@ def find_machine(text: str) -> Machine:
             installed = path
         path = installed if installed.is_file() else path
     return load_machine(path)
+
+
+def check_writable(path: str) -> None:
+    """Raise an EscalatorError where a document could not be written later; '' is no document."""
+    folder = Path(path).absolute().parent
+    if path and (Path(path).is_dir() or not os.access(folder, os.W_OK)):
+        raise EscalatorError(f'json: {path}: cannot be written')
 
 
 def write_json(path: str, document: Mapping[str, Any]) -> None:

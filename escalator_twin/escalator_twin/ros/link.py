@@ -4,6 +4,8 @@ from collections.abc import Callable
 import math
 import time
 
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from std_msgs.msg import Header
 
@@ -18,6 +20,8 @@ from escalator_twin.ros.requests import time_message, time_ns
 from escalator_twin.signals import Nanoseconds
 
 SERVICE = 'simulator/start_experiment'
+SETTING = 'simulator/set_parameters'
+SETTING_S = 10.0  # for an answer, which a description read and checked takes a part of a second
 TRIES = 3  # of a start whose first samples did not come
 FIRST_SAMPLES_S = 5.0  # in which they must
 ANSWER_S = 150.0  # for a start: an equilibrium takes a second or two on an idle machine
@@ -44,6 +48,7 @@ class SimulatorLink:
         self.run = HeardRun(machine)
         self.listener = node.get_fully_qualified_name()
         self._client = node.create_client(StartExperiment, SERVICE)
+        self._setting = node.create_client(SetParameters, SETTING)
         self._heard = node.create_publisher(Header, simulated_name(machine, 'heard'), qos.EVENTS)
         self._told_rows = 0.0
         self.n_samples = 0
@@ -108,6 +113,29 @@ class SimulatorLink:
                 return answer.result()
             self._client.remove_pending_request(answer)
         raise EscalatorError(f'{SERVICE}: no answer within {ANSWER_S:.0f} s')
+
+    def set_machine(self, path: str) -> None:
+        """Have the simulator take a machine's description over, from its next start.
+
+        Raises
+        ------
+        EscalatorError
+            Where it refuses, or does not answer.
+        """
+        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=path)
+        request = SetParameters.Request(parameters=[Parameter(name='machine', value=value)])
+        for _ in range(TRIES):
+            answer = self._setting.call_async(request)
+            limit = time.monotonic() + SETTING_S
+            while not answer.done() and time.monotonic() < limit:
+                self._pause(0.01)
+            if answer.done():
+                (result,) = answer.result().results
+                if not result.successful:
+                    raise EscalatorError(f'simulator: {result.reason}')
+                return
+            self._setting.remove_pending_request(answer)
+        raise EscalatorError(f'{SETTING}: no answer within {TRIES * SETTING_S:.0f} s')
 
     def _is_lost(self, called: float) -> bool:
         """Tell whether an answer will not come: nothing has, or samples flow without it.

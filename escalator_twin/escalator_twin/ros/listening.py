@@ -13,6 +13,7 @@ import threading
 from rclpy.node import Node
 
 from escalator_twin import bagfile
+from escalator_twin.bagfile import Message
 from escalator_twin.comparison.locate import LEAD_S, locate, Setting
 from escalator_twin.errors import EscalatorError
 from escalator_twin.ros.comparing import Comparing
@@ -59,10 +60,13 @@ class Listening:
         """Have everything kept compared now."""
         self._is_asked.set()
 
+    def messages(self) -> list[Message]:
+        """Return what is kept of what has been heard."""
+        return self._stream.messages() if self._stream.span_s else []
+
     def values(self) -> dict[str, object]:
         """Return figures for the diagnostics."""
         return {
-            'measured messages': self._stream.n_received,
             'measured time kept (s)': self._stream.span_s,
         }
 
@@ -76,6 +80,7 @@ class Listening:
         while True:
             self._is_asked.clear()
             self._has_run = False
+            comparing.take_machine()
             comparing.say('listening')
             try:
                 if self._hear_one():
@@ -109,6 +114,8 @@ class Listening:
         end = span_of(setting)[1]
         while not self._is_over():
             self._pause()
+            if comparing.take_machine():
+                self._start(setting)
             # the simulator keeps step with what is heard
             comparing.link.hold(self._stream.span_s + LEAD_S)
             comparing.link.poll()
@@ -157,6 +164,7 @@ class Listening:
         """Run the simulator beside all that is kept, as `compare` would, and conclude."""
         comparing, link = self._comparing, self._comparing.link
         comparing.publish_ready(is_last=True)
+        comparing.take_machine()
         comparing.say('placing the whole stream')
         recording = self._recording()
         setting = locate(recording, comparing.machine)

@@ -7,9 +7,10 @@ import numpy as np
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from escalator_twin.physics.multibody.simulation import MultibodySimulation
 from escalator_twin.physics.path import point_at
-from escalator_twin.physics.rollout import Simulation
 from escalator_twin.signals import Floats
+from escalator_twin.twin import AnySimulation
 
 LINE_M = 0.03
 STEP_COLOUR = ColorRGBA(r=0.45, g=0.5, b=0.55, a=1.0)
@@ -17,8 +18,10 @@ LINK_COLOUR = ColorRGBA(r=0.9, g=0.55, b=0.1, a=1.0)
 CARRIAGE_COLOUR = ColorRGBA(r=0.15, g=0.45, b=0.8, a=1.0)
 
 
-def axle_ends(simulation: Simulation) -> Floats:
+def axle_ends(simulation: AnySimulation) -> Floats:
     """Return where the axles' ends are on the design path, (2 sides, n, xyz) in m."""
+    if isinstance(simulation, MultibodySimulation):
+        return free_axle_ends(simulation)
     parameters, state = simulation.parameters, simulation.state
     half = simulation.machine.chain.track_gauge_m / 2.0
     outward = float(simulation.data.qpos[0])
@@ -32,12 +35,23 @@ def axle_ends(simulation: Simulation) -> Floats:
     return ends
 
 
-def markers(simulation: Simulation, frame: str) -> MarkerArray:
+def free_axle_ends(simulation: MultibodySimulation) -> Floats:
+    """Return the same of chain rollers that are bodies of their own, where they are."""
+    n = simulation.machine.chain.n_links
+    half = simulation.machine.chain.track_gauge_m / 2.0
+    place = simulation.data.qpos[: 3 * n].reshape(n, 3)
+    ends = np.empty((2, n, 3))
+    for side in range(2):
+        ends[side] = np.stack([place[:, 0], np.full(n, half - 2.0 * half * side), place[:, 1]], 1)
+    return ends
+
+
+def markers(simulation: AnySimulation, frame: str) -> MarkerArray:
     """Return steps, links and carriage at the simulation's present state.
 
     Parameters
     ----------
-    simulation : Simulation
+    simulation : Simulation or MultibodySimulation
         In its present state.
     frame : str
         x towards the upper landing, y to the left, z up, origin as in the machine's data sheet.
@@ -54,9 +68,19 @@ def markers(simulation: Simulation, frame: str) -> MarkerArray:
     carriage = _marker(frame, 2, 'carriage', Marker.CUBE, CARRIAGE_COLOUR, 0.2)
     guide = machine.guide
     carriage.scale.y = 0.8 * machine.chain.track_gauge_m
-    carriage.pose.position.x = -guide.lower_landing_m - float(simulation.data.qpos[0])
-    carriage.pose.position.z = -guide.turnaround_radius_m
+    outward = carriage_way(simulation)
+    free = isinstance(simulation, MultibodySimulation)
+    # free bodies count from the lower gear's centre, a chain from where its landing ends
+    carriage.pose.position.x = -outward if free else -guide.lower_landing_m - outward
+    carriage.pose.position.z = 0.0 if free else -guide.turnaround_radius_m
     return MarkerArray(markers=[links, steps, carriage])
+
+
+def carriage_way(simulation: AnySimulation) -> float:
+    """Return the displacement of the lower turnaround, m."""
+    if isinstance(simulation, MultibodySimulation):
+        return float(simulation.data.qpos[3 * len(simulation.network.mass)])
+    return float(simulation.data.qpos[0])
 
 
 def _marker(

@@ -117,6 +117,26 @@ def outputs_of(machine: Machine) -> tuple[Output, ...]:
     )
 
 
+def check_same_topics(machine: Machine, other: Machine, path: str) -> None:
+    """Raise a MachineError where a machine's topics or its number of links are not another's.
+
+    Parameters
+    ----------
+    machine, other : Machine
+    path : str
+        Of the first one.
+    """
+    found, expected = (
+        (m.chain.n_links, [(o.name, o.type, o.columns, o.rate_hz) for o in outputs_of(m)])
+        for m in (machine, other)
+    )
+    if found != expected:
+        raise MachineError(
+            f'{path}: machine: expected the topics and the {other.chain.n_links} links of '
+            f'{other.name}, found other ones of {machine.name}'
+        )
+
+
 def position_output(machine: Machine) -> Output:
     """Return the topic that tells where the chain is."""
     return Output(simulated_name(machine, 'loop_position'), POSITION_TYPE, (), (), 0.0, True)

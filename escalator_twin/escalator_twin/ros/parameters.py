@@ -13,6 +13,7 @@ from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from escalator_twin.errors import EscalatorError
 from escalator_twin.ros.settings import check, Settings, SettingsError
 
 Kind = TypeVar('Kind', bound=Settings)
@@ -51,7 +52,10 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
 
 
 def follow(node: Node, kind: type[Settings], on_change: Callable[[str, object], None]) -> None:
-    """Call ``on_change(name, value)`` for each live parameter that somebody sets."""
+    """Call ``on_change(name, value)`` for each live parameter that somebody sets.
+
+    It may refuse by an EscalatorError.
+    """
     live = {entry.name: entry for entry in fields(kind) if entry.metadata['is_live']}
 
     def set_all(parameters: list[Parameter]) -> SetParametersResult:
@@ -67,8 +71,11 @@ def follow(node: Node, kind: type[Settings], on_change: Callable[[str, object], 
                 )
             except SettingsError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-        for name, value in changes.items():
-            on_change(name, value)
+        try:
+            for name, value in changes.items():
+                on_change(name, value)
+        except EscalatorError as error:
+            return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(set_all)

@@ -17,6 +17,13 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+# what is wrong with a recording: all of it for who comes later
+FINDINGS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=200,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 # results that come now and then, and commands
 EVENTS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

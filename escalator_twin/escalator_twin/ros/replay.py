@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -57,13 +58,15 @@ class Replay:
         self._next: Message | None = None
         self._from_ns = self.first_ns
 
-    def is_matched(self) -> bool:
-        """Tell whether all who subscribe to the topics are connected."""
-        return all(
-            publisher.get_subscription_count()
-            >= self._node.count_subscribers(publisher.topic_name)
+    def matched(self) -> list[tuple[int, int]]:
+        """Return how many subscribers are connected, and how many are known, per topic."""
+        return [
+            (
+                publisher.get_subscription_count(),
+                self._node.count_subscribers(publisher.topic_name),
+            )
             for publisher in self.publishers.values()
-        )
+        ]
 
     def begin(self, from_ns: int) -> list[Message]:
         """Go to a bag time; publish what came once, before it, such as the experiment."""
@@ -94,6 +97,19 @@ class Replay:
     def finish(self) -> list[Message]:
         """Publish all that is left."""
         return self.play(1e9)
+
+    def not_taken(self, timeout_s: float) -> list[str]:
+        """Wait for every reliable subscriber; return the topics that one has not taken in full.
+
+        A sample that the transport has dropped is sent again with the writer's next heartbeat,
+        which comes seconds after the last sample: whoever leaves at once takes it along.
+        """
+        timeout = Duration(seconds=timeout_s)
+        return [
+            publisher.topic_name
+            for publisher in self.publishers.values()
+            if not publisher.wait_for_all_acked(timeout)
+        ]
 
     @property
     def is_done(self) -> bool:

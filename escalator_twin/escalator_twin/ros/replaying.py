@@ -1,5 +1,6 @@
 """The comparator with a bag: replay it in step with the simulator and compare."""
 
+from dataclasses import replace
 import time
 
 from escalator_twin import bagfile
@@ -13,32 +14,61 @@ from escalator_twin.ros.windows import ends, recorder_shift_ns, span_of, without
 from escalator_twin.signals import Recording
 
 TICK_S = 0.005
-MATCH_TIMEOUT_S = 5.0  # for subscribers of the measured topics to be found
+DISCOVERY_S = 3.0  # before that nobody need have been discovered: two seconds have been seen
+STEADY_S = 1.0  # without a newly found subscriber: a node's are found one after the other
+MATCH_TIMEOUT_S = 10.0  # for subscribers of the measured topics to be found
+TAKEN_WITHIN_S = 5.0  # the last samples, by each topic's subscribers; a heartbeat comes within 3 s
 
 
 def replay(comparing: Comparing, player: Replay) -> None:
-    """Place the recording that the settings name in the loop; play it as often as asked for."""
-    settings = comparing.settings
+    """Place the recording that the settings name in the loop; play it as often as asked for.
+
+    Once more where the simulator has taken another machine over.
+    """
+    settings, since = comparing.settings, time.monotonic()
     comparing.say(f'reading {settings.bag}')
     recording = bagfile.read(settings.bag, comparing.machine)
+    if recording.experiment is None and settings.is_given():
+        given = settings.experiment(comparing.machine)
+        recording = replace(recording, experiment=given)
     from_ns = player.first_ns + round(settings.start_offset_s * NS)
     if settings.start_offset_s:
         recording = without_start(recording, from_ns)
+    setting = _placed(comparing, recording)
+    _await_listeners(comparing, player, since + DISCOVERY_S)
+    play_once(comparing, player, recording, setting, from_ns)
+    while settings.loop or not settings.exit_at_end:
+        if not settings.loop:
+            comparing.wait_for_machine()
+        if comparing.take_machine():
+            setting = _placed(comparing, recording)
+        play_once(comparing, player, recording, setting, from_ns)
+
+
+def _placed(comparing: Comparing, recording: Recording) -> Setting:
+    """Find where in the loop a recording begins, and how fast it is; tell its quality."""
     comparing.say('finding speed and place in the loop')
     setting = locate(recording, comparing.machine)
-    experiment = setting.experiment
     comparing.say(
-        f'{experiment.set_speed_m_s:.5f} m/s, axle 0 at {setting.start_s_m:.3f} m: '
+        f'{setting.experiment.set_speed_m_s:.5f} m/s, axle 0 at {setting.start_s_m:.3f} m: '
         f'waiting for the simulator'
     )
     comparing.tell_quality(setting)
     comparing.note_simulated(recorder_shift_ns(recording, setting.origin_ns))
-    limit = time.monotonic() + MATCH_TIMEOUT_S
-    while not player.is_matched() and time.monotonic() < limit:
+    return setting
+
+
+def _await_listeners(comparing: Comparing, player: Replay, earliest: float) -> None:
+    """Wait until who listens is connected: what is played before that is lost on him."""
+    steady = time.monotonic()
+    limit, found = steady + MATCH_TIMEOUT_S, player.matched()
+    while (now := time.monotonic()) < limit:
+        if (counts := player.matched()) != found:
+            found, steady = counts, now
+        is_complete = all(connected >= known for connected, known in found)
+        if is_complete and now >= max(steady + STEADY_S, earliest):
+            return
         comparing.pause(TICK_S)
-    play_once(comparing, player, recording, setting, from_ns)
-    while settings.loop:
-        play_once(comparing, player, recording, setting, from_ns)
 
 
 def play_once(
@@ -71,4 +101,6 @@ def play_once(
             since = time.monotonic()
             link.complain()
         comparing.pause(TICK_S)
+    for topic in player.not_taken(TAKEN_WITHIN_S):
+        comparing.node.get_logger().warning(f'{topic}: a subscriber has not taken all of it')
     comparing.conclude(recording, setting)

@@ -8,9 +8,9 @@ import numpy as np
 from escalator_twin.comparison.locate import RATE_HZ
 from escalator_twin.errors import ExperimentError
 from escalator_twin.machine import Machine, Sensor
-from escalator_twin.physics.rollout import Simulation
 from escalator_twin.ros.outputs import NS, sensors_of
 from escalator_twin.signals import Experiment, Floats, Nanoseconds
+from escalator_twin.twin import AnySimulation
 
 ACHIEVED_S = 2.0  # over which the achieved real-time factor is measured
 
@@ -77,7 +77,7 @@ class Run:
     """An experiment in progress."""
 
     order: Order
-    simulation: Simulation
+    simulation: AnySimulation
     rate_hz: float
     total_steps: int | None
     steps: int = 0

@@ -117,6 +117,11 @@ class ExperimentSettings(Settings):
 class SimulatorSettings(ExperimentSettings):
     """Parameters of the simulator."""
 
+    machine: str = setting(
+        DEFAULT_MACHINE,
+        'YAML file that describes the machine; another one holds from the next start',
+        is_live=True,
+    )
     real_time_factor: float = setting(
         1.0,
         'simulated over wall time; 0: as fast as possible',

@@ -14,7 +14,7 @@ from escalator_twin.errors import EscalatorError
 from escalator_twin.ros import diagnostics, qos, simulator_status
 from escalator_twin.ros.engine import Engine
 from escalator_twin.ros.files import find_machine
-from escalator_twin.ros.outputs import NS, simulated_name
+from escalator_twin.ros.outputs import check_same_topics, NS, simulated_name
 from escalator_twin.ros.parameters import declare, follow
 from escalator_twin.ros.publications import Publications
 from escalator_twin.ros.requests import order_of, time_message, time_ns
@@ -35,7 +35,8 @@ class SimulatorNode(Program):
         super().__init__(NAME)
         self.settings = declare(self, SimulatorSettings)
         self._live = {'message_rate': self.settings.message_rate}
-        self.machine = find_machine(self.settings.machine)
+        self._source = self.settings.machine
+        self.machine = find_machine(self._source)
         frame = self.settings.frame_id if self.settings.markers else ''
         self.publications = Publications(self, self.machine, frame, self.settings.publish_clock)
         ahead_s = AHEAD * qos.SAMPLE_DEPTH / self.publications.fastest_hz
@@ -133,14 +134,25 @@ class SimulatorNode(Program):
         return True, ''
 
     def _on_setting(self, name: str, value: Any) -> None:
-        if name in self._live:
+        if name == 'machine':
+            self._take_over(value)
+        elif name in self._live:
             self._live[name] = value
         else:
             self.engine.submit(lambda: self.engine.set_pace(value))
 
+    def _take_over(self, path: str) -> None:
+        """Have another description of the same instruments from the next start."""
+        machine = find_machine(path)
+        check_same_topics(machine, self.machine, path)
+        self._command(lambda: self.engine.take_over(machine))
+        self.machine, self._source = machine, path
+        self.get_logger().info(f'{path}: taken over, from the next start')
+
     def _report(self) -> None:
         level, message = simulator_status.level_of(self.engine, self.publications.sender)
         values = simulator_status.values_of(self.engine, self.publications.sender)
+        values['machine'] = self._source
         stamp = self.get_clock().now().to_msg()
         name = f'{self.get_name()}: twin of {self.machine.name}'
         self._status.publish(diagnostics.array(stamp, name, level, message, values))

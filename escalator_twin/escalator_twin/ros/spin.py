@@ -50,23 +50,28 @@ def run(make_node: Callable[[], Program], name: str, args: Sequence[str] | None 
         )
     except RuntimeError as error:  # what rcl makes of arguments that it does not understand
         return _complain(name, error)
-    node = None
     try:
-        node = make_node()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while rclpy.ok() and not stop.is_set() and not node.is_over():
-            executor.spin_once(timeout_sec=LOOK_S)
+        _live(make_node, stop)
     except EscalatorError as error:
         return _complain(name, error)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        if node is not None:
-            node.close()
-            node.destroy_node()
         rclpy.try_shutdown()
     return OK
+
+
+def _live(make_node: Callable[[], Program], stop: threading.Event) -> None:
+    """Make a node, run it to its end, and clear away."""
+    node = make_node()
+    try:
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while rclpy.ok() and not stop.is_set() and not node.is_over():
+            executor.spin_once(timeout_sec=LOOK_S)
+    finally:
+        node.close()
+        node.destroy_node()
 
 
 def _stop_on_signals() -> threading.Event:

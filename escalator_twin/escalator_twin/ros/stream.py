@@ -40,7 +40,6 @@ class Stream:
         self._first_ns: dict[str, int] = {}
         self._last_ns: dict[str, int] = {}
         self._lock = threading.Lock()
-        self.n_received = 0
         self.last_wall = 0.0
         instruments = machine.instruments
         self._types = {s.topic: s.type for s in instruments.sensors}
@@ -74,7 +73,6 @@ class Stream:
                     time_ns = stamp_of(data) if has_stamp else arrival_ns
                     self._first_ns.setdefault(name, time_ns)
                     self._last_ns[name] = time_ns
-                self.n_received += 1
                 self.last_wall = time.monotonic()
                 kept = self._messages
                 while kept and arrival_ns - kept[0].bag_ns > self._keep_ns:
