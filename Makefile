@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := setup
-.PHONY: setup demo test bench bench-deps campaign hidden lint lock clean
+.PHONY: setup demo test test-long bench bench-deps bench-diagnosis campaign hidden floor lint lock clean
 
 PYTEST_ARGS ?=
 
@@ -23,6 +23,12 @@ test: setup
 	export PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
 	exec .venv/bin/python -m pytest -p pytest_timeout --timeout=600 tests $(PYTEST_ARGS)
 
+# The tests that take minutes as well.
+test-long: setup
+	@. tools/env.sh
+	export PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
+	exec .venv/bin/python -m pytest -p pytest_timeout --timeout=3600 tests --long $(PYTEST_ARGS)
+
 bench: setup
 	@. tools/env.sh
 	exec .venv/bin/python -m benchmarks
@@ -36,12 +42,31 @@ campaign: setup
 	.venv/bin/escalator-twin report out/campaign.json --out out/campaign.html
 
 # Recordings in which something is hidden, by the independent generator; the truth lies apart.
+# make hidden N=20 SEED=5 OUT=DIR [JOBS=2] [HIDDEN_ARGS='--sizes reference --recordings 4']
 N ?= 10
 SEED ?= 1
-OUT ?= $(CURDIR)/out/hidden
+JOBS ?= 1
+OUT ?= out/hidden
+HIDDEN_ARGS ?=
 hidden: setup
-	@cd tests
-	exec ../.venv/bin/python -m rig hidden --n $(N) --seed $(SEED) --out $(OUT)
+	@out="$$(realpath -m '$(OUT)')"
+	cd tests
+	exec ../.venv/bin/python -m rig hidden --n $(N) --seed $(SEED) --out "$$out" \
+	    --jobs $(JOBS) $(HIDDEN_ARGS)
+
+# The twin beside the generator, both as designed, by channel and band; writes docs/floor.json.
+floor: setup
+	@exec tools/floor.sh
+
+# Hidden causes against the verdicts of `diagnose`; hours at N=5, which is what issue 6 asks for.
+# make bench-diagnosis SEED=9001 [N=5] [OUT=DIR] [JOBS=1] [DIAGNOSIS_ARGS='--causes roller_drag']
+bench-diagnosis: N = 5
+bench-diagnosis: OUT = out/diagnosis
+DIAGNOSIS_ARGS ?=
+bench-diagnosis: setup
+	@. tools/env.sh
+	exec .venv/bin/python -m benchmarks.diagnosis --n $(N) --seed $(SEED) --out '$(OUT)' \
+	    --jobs $(JOBS) $(DIAGNOSIS_ARGS)
 
 # Another multibody program, for comparisons only.
 bench-deps: setup

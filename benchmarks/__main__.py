@@ -3,7 +3,7 @@
 from importlib import import_module
 import sys
 
-BENCHMARKS = ('simulation', 'comparison')
+BENCHMARKS = ('simulation', 'peer', 'comparison')
 
 
 def main() -> int:

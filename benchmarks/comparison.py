@@ -1,22 +1,18 @@
 """What a comparison costs: all quick metrics on long channels, and one recording end to end.
 
-Prints one JSON line each: ``python -m benchmarks.comparison``. Seconds are wall time unless they
-say processor. A ratio is of processor time, to a reference timed beside it in turns: a machine
-that is busy with others then changes it least.
+Prints one JSON line each: ``python -m benchmarks.comparison``. A ratio is of processor time, to a
+reference timed beside it in turns.
 """
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 import json
-from multiprocessing import get_context
-from pathlib import Path
-import resource
 import time
-from typing import Any
 
 import numpy as np
 from scipy import signal
 
+from benchmarks.measure import alone, load, MACHINE, resident_mb, Result, ROOT
 from escalator_twin import pipeline
 from escalator_twin.machine import load_machine
 from escalator_twin.metrics import machine_orders, score_channel, Track
@@ -26,13 +22,10 @@ from escalator_twin.signals import Floats
 Pair = tuple[Floats, Floats]  # measured and simulated
 Work = Callable[[Pair], None]
 
-ROOT = Path(__file__).resolve().parents[1]
-MACHINE = ROOT / 'config' / 'machines' / 'prototype.yaml'
 RECORDING = ROOT / 'bags' / 'sample_clean'
 N_CHANNELS, N_SAMPLES, WORKERS = 20, 1_000_000, 2
 RATE_HZ, SPEED_M_S = 200.0, 0.5
 ROUNDS = 3  # of metrics and reference in turns; the fastest of each counts
-MB = 1024.0  # of the kilobytes in which Linux gives resident memory
 
 
 def long_track() -> Track:
@@ -54,11 +47,6 @@ def channel(track: Track, index: int) -> Pair:
     return both + noise, both
 
 
-def resident_mb() -> float:
-    """Return the most memory that this process has had so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MB
-
-
 def measure(work: Work, make: Callable[[int], Pair]) -> tuple[float, float]:
     """Return the wall and processor seconds that ``work`` takes on all channels, two at a time.
 
@@ -75,7 +63,7 @@ def measure(work: Work, make: Callable[[int], Pair]) -> tuple[float, float]:
     return wall, processor
 
 
-def metrics() -> dict[str, Any]:
+def metrics() -> Result:
     """Time all quick metrics, in a process of its own for the sake of its memory."""
     track = long_track()
     sections = signal.butter(4, 2.0, fs=RATE_HZ, output='sos')
@@ -113,10 +101,11 @@ def metrics() -> dict[str, Any]:
         'peak_rss_mb': peak,
         'rss_before_mb': start,
         'bars': {'seconds': 3.0, 'peak_rss_mb': 500.0},
+        'load': load(),
     }
 
 
-def recording() -> dict[str, Any]:
+def recording() -> Result:
     """Time the comparison of one recording, the first in a process and one more."""
     seconds = []
     for _ in range(2):
@@ -132,14 +121,14 @@ def recording() -> dict[str, Any]:
         'first_seconds': seconds[0],
         'seconds': seconds[1],
         'times_real_time': duration / seconds[1],
+        'load': load(),
     }
 
 
-def results() -> Iterator[dict[str, Any]]:
+def results() -> Iterator[Result]:
     """Yield the result of each benchmark."""
     for work in (metrics, recording):
-        with get_context('spawn').Pool(1) as pool:
-            yield pool.apply(work)
+        yield alone(work)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ import importlib.util
 import os
 from pathlib import Path
 import random
+import sys
 import tempfile
 from typing import TextIO
 
@@ -12,10 +13,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]  # resolves the link through which colcon comes
 SHARED = ROOT.parent / 'shared'
+sys.path.append(str(ROOT))  # of the benchmarks, where pytest was started elsewhere
 
 MARKERS = (
     'shared: needs the shared recordings and data sheets beside the checkout',
     'slow: takes more than ten seconds',
+    'long: takes minutes; runs with --long (make test-long)',
     'ros: needs rclpy and the built workspace, sourced',
     'issue(n): guards against the return of issue n',
 )
@@ -51,8 +54,14 @@ def has_module(name: str) -> bool:
     return importlib.util.find_spec(name) is not None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption('--long', action='store_true', help='run the tests that take minutes too')
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     reasons = {}
+    if not config.getoption('--long'):
+        reasons['long'] = 'takes minutes: run with --long'
     if not SHARED.is_dir():
         reasons['shared'] = 'no ../shared beside the checkout'
     if not (has_module('rclpy') and has_module('escalator_msgs')):

@@ -147,6 +147,33 @@ def diagnosis(*recordings):
     }
 
 
+def joint_diagnosis():
+    """Return a diagnosis of two recordings: what the pipeline adds to the contract's keys."""
+    first, second = recording(), recording('high_down_full_hi', '/bags/two', direction=-1)
+    told = diagnosis(first, second)
+    alone = {key: told[key] for key in ('effects', 'candidates', 'unexplained')}
+    held_out = told['gain']['held_out'] | {
+        'gain_interval': [0.894, 0.925],
+        'significant': True,
+        'worse': [CHANNELS[2]],
+    }
+    quiet = {'significant': False, 'share': 0.0, 'signature': {}}
+    return told | {
+        'gain': {'held_out': held_out},
+        'extended_machine_yaml': 'extends: prototype.yaml\ndeviations:\n- cause: roller_drag\n',
+        'by_recording': [
+            {'path': '/bags/one', **alone, 'gain': held_out},
+            {
+                'path': '/bags/two',
+                'effects': [],
+                'candidates': [],
+                'unexplained': quiet,
+                'gain': None,
+            },
+        ],
+    }
+
+
 def check():
     return {
         'schema': 'escalator_twin/check/1',

@@ -1,10 +1,15 @@
 """The bars on recordings that other people made; each test names its issue."""
 
+from dataclasses import replace
 import json
 
 import pytest
 
+from escalator_twin import bagfile
 from escalator_twin.cli.main import main
+from escalator_twin.comparison.document import recording_document
+from escalator_twin.machine import load_machine
+from escalator_twin.pipeline import compare_recording
 
 pytestmark = pytest.mark.shared
 FORCES = ('left_a', 'left_b', 'right_a', 'right_b')
@@ -62,6 +67,24 @@ def test_clocks_agree_by_both_estimates(clean):
         assert signals['offset_s'] == pytest.approx(clock['offset_s'], abs=0.015)
         assert signals['drift_ppm'] == pytest.approx(clock['drift_ppm'], abs=15.0)
         assert not recording['quality']
+
+
+@pytest.mark.issue(5)
+@pytest.mark.parametrize('i', [0, 1])
+def test_signals_alone_tie_the_clocks(clean, root, i):
+    machine = load_machine(root / 'config' / 'machines' / 'prototype.yaml')
+    recording = bagfile.read(clean[i]['path'], machine)
+    # a bag that was rewritten: its time is that of the stamps and tells nothing
+    signals = {c: replace(s, bag_ns=s.stamp_ns) for c, s in recording.signals.items()}
+    recording = replace(recording, signals=signals)
+    setting, judgement = compare_recording(recording, machine)
+    clock = recording_document(recording, setting, judgement, machine)['clock']
+    assert not clock['by_bag_time']['offset_s']
+    by_bag_time = clean[i]['clock']
+    period = machine.chain.pitch_m / clean[i]['speed_m_s']['value']
+    off = clock['offset_s'] - by_bag_time['offset_s']
+    assert abs((off + period / 2) % period - period / 2) < 0.015
+    assert clock['drift_ppm'] == pytest.approx(by_bag_time['drift_ppm'], abs=15.0)
 
 
 @pytest.mark.issue(2)

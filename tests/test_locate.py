@@ -61,7 +61,9 @@ def test_some_channels_alone_tell_the_place(sample, machine, words):
     recording, truth = sample
     found = compared(only(recording, *words), machine)
     assert found['place_is_certain']
-    assert abs(off_mm(found, truth, machine)) < 15.0
+    # the bar of 15 mm is that of a whole recording, above; what forces alone leave open is the
+    # phase of the carriage's resonance, some millimetres more
+    assert abs(off_mm(found, truth, machine)) < 20.0
     assert found['clock']['offset_s'] is None
 
 

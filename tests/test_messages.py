@@ -11,6 +11,7 @@ from rosbags.typesys.store import Typestore
 PACKAGE = Path(__file__).resolve().parents[1] / 'escalator_msgs'
 MESSAGES = sorted(PACKAGE.glob('msg/*.msg'))
 SERVICES = sorted(PACKAGE.glob('srv/*.srv'))
+ACTIONS = sorted(PACKAGE.glob('action/*.action'))
 
 # From metadata.yaml of the prototype's recordings, written by others than this package.
 RECORDED_HASHES = {
@@ -72,12 +73,17 @@ def test_published_types_are_those_of_the_recordings(name: str) -> None:
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize('path', MESSAGES + SERVICES, ids=lambda path: path.stem)
+@pytest.mark.parametrize('path', MESSAGES + SERVICES + ACTIONS, ids=lambda path: path.stem)
 def test_built_package_has_every_definition(path: Path) -> None:
+    import escalator_msgs.action
     import escalator_msgs.msg
     import escalator_msgs.srv
 
-    if path.suffix == '.msg':
+    if path.suffix == '.action':
+        action = getattr(escalator_msgs.action, path.stem)
+        parts = (action.Goal, action.Result, action.Feedback)
+        names = [name for part in parts for name in part.get_fields_and_field_types()]
+    elif path.suffix == '.msg':
         names = list(getattr(escalator_msgs.msg, path.stem).get_fields_and_field_types())
     else:
         service = getattr(escalator_msgs.srv, path.stem)
@@ -86,7 +92,7 @@ def test_built_package_has_every_definition(path: Path) -> None:
     assert names == [name for _, name, _ in fields(path)]
 
 
-@pytest.mark.parametrize('path', MESSAGES + SERVICES, ids=lambda path: path.stem)
+@pytest.mark.parametrize('path', MESSAGES + SERVICES + ACTIONS, ids=lambda path: path.stem)
 def test_every_field_says_its_meaning_and_unit(path: Path) -> None:
     for type_, name, comment in fields(path):
         assert comment, f'{path.name}: {name} has no comment'
@@ -96,8 +102,8 @@ def test_every_field_says_its_meaning_and_unit(path: Path) -> None:
 
 def test_every_definition_is_built() -> None:
     listed = re.findall(
-        r'^\s+((?:msg|srv)/\w+\.\w+)$', (PACKAGE / 'CMakeLists.txt').read_text(), re.M
+        r'^\s+((?:msg|srv|action)/\w+\.\w+)$', (PACKAGE / 'CMakeLists.txt').read_text(), re.M
     )
     assert sorted(listed) == sorted(
-        f'{path.parent.name}/{path.name}' for path in MESSAGES + SERVICES
+        f'{path.parent.name}/{path.name}' for path in MESSAGES + SERVICES + ACTIONS
     )

@@ -8,7 +8,15 @@ import json
 import re
 
 import pytest
-from report_samples import campaign, CHANNELS, check, comparison, diagnosis, recording
+from report_samples import (
+    campaign,
+    CHANNELS,
+    check,
+    comparison,
+    diagnosis,
+    joint_diagnosis,
+    recording,
+)
 
 from escalator_twin.errors import EscalatorError
 from escalator_twin.report import build
@@ -144,6 +152,50 @@ def test_diagnosis_without_causes_or_second_look_says_so(tmp_path):
     assert 'no gain on held-out data: one passage only' in page.text
 
 
+@pytest.mark.issue(7)
+def test_gain_tells_its_interval_and_what_became_worse(tmp_path):
+    _, page = make(tmp_path, joint_diagnosis())
+    for told in (
+        'falls by 89.4 % to 92.5 % (95 %, bootstrap over the blocks): significant.',
+        f'Worse by more than 2 %: {CHANNELS[2]}.',
+    ):
+        assert told in page.text, told
+
+
+@pytest.mark.issue(7)
+def test_extended_machine_is_there_with_the_way_back(tmp_path):
+    html, page = make(tmp_path, joint_diagnosis())
+    case = '--case speed=0.5,direction=up --duration 60'
+    assert f'simulate --machine out/extended.yaml {case}' in page.text
+    assert f'simulate --machine config/machines/prototype.yaml {case}' in page.text
+    assert 'extends: prototype.yaml\ndeviations:\n- cause: roller_drag</pre>' in html
+    _, page = make(tmp_path, diagnosis())
+    assert 'The document does not hold the description itself' in page.text
+
+
+@pytest.mark.issue(7)
+def test_recordings_of_one_diagnosis_are_told_one_by_one(tmp_path):
+    html, page = make(tmp_path, joint_diagnosis())
+    part = html.split('id="by-recording"')[1].split('</section>')[0]
+    words = Reader(part).text
+    told = 'low_up_empty_lo roller drag axle 44, left side force 118.4 (112.9 to 123.8) N 97.3 %'
+    assert told in words
+    assert '3.40 %' in words
+    assert f'{CHANNELS[0]} 412 to 22.3, significant' in words
+    assert 'high_down_full_hi none no –' in words
+    assert 'From 2 recordings of one machine together' in page.text
+    _, page = make(tmp_path, diagnosis())
+    assert 'Recordings one by one' not in page.text
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize('notes', ['', 'synthetic, from a generator'])
+def test_where_the_data_come_from_is_said_or_left_to_their_maker(tmp_path, notes):
+    _, page = make(tmp_path, diagnosis(recording(notes=notes)))
+    assert ('is for their maker to state' in page.text) == (notes == '')
+    assert ('These data are synthetic' in page.text) == (notes != '')
+
+
 def test_extended_twin_is_drawn_with_its_residual(tmp_path):
     told = diagnosis()
     columns = told['recordings'][0]['overlay']['channels'][CHANNELS[1]]
@@ -166,6 +218,14 @@ def test_check_is_told_in_full(tmp_path):
     ):
         assert told in page.text, told
     assert '<title>data gap, 40.00\u202fs to 44.00\u202fs</title>' in html
+
+
+def test_findings_stand_on_the_whole_recordings_axis(tmp_path):
+    finding = {'kind': 'data_gap', 'channel': CHANNELS[0], 'from_s': 1.0, 'to_s': 2.0}
+    html, _ = make(tmp_path, comparison(recording(quality=[finding])))
+    chart = html.split('findings over time', 1)[1].split('</svg>', 1)[0]
+    marks = [float(m) for m in re.findall(r'<text class="x"[^>]*>([0-9.]+)<', chart)]
+    assert marks[-1] == 15.0  # s: the next one, 20 s, is past the last sample
 
 
 def test_recording_of_two_documents_is_told_once(tmp_path):
@@ -261,7 +321,7 @@ def break_at(document, path, junk):
     return broken
 
 
-@pytest.mark.parametrize('kind', [comparison, diagnosis, check])
+@pytest.mark.parametrize('kind', [comparison, diagnosis, joint_diagnosis, check])
 def test_any_part_may_be_wrong(tmp_path, kind):
     """Any junk in a document of a known schema makes a page, or an error that says where."""
     document = kind()

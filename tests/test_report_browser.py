@@ -7,7 +7,16 @@ import shutil
 import subprocess
 
 import pytest
-from report_samples import campaign, CHANNELS, check, comparison, diagnosis, PITCH_M, recording
+from report_samples import (
+    campaign,
+    CHANNELS,
+    check,
+    comparison,
+    diagnosis,
+    joint_diagnosis,
+    PITCH_M,
+    recording,
+)
 
 from escalator_twin.report import build
 
@@ -130,3 +139,13 @@ def test_campaign_leaves_the_console_empty(tmp_path):
     dom, console = open_page(page, tmp_path)
     assert console == []
     assert dom.count('<details class="recording"') == 16
+
+
+@pytest.mark.issue(7)
+def test_diagnosis_of_several_recordings_leaves_the_console_empty(tmp_path):
+    page = tmp_path / 'page.html'
+    build([joint_diagnosis()], page)
+    dom, console = open_page(page, tmp_path)
+    assert console == []
+    assert dom.count('class="whisker"') == 1
+    assert 'aria-label="NRMSE below 20 Hz, before and after"' in dom

@@ -17,7 +17,8 @@ def build(cls: type[T], data: object, where: str, tolerances: dict[str, float]) 
     Parameters
     ----------
     cls : dataclass type
-        Its field names are the keys; fields with a default may be left out.
+        Its field names are the keys; fields with a default may be left out, those that are
+        not of its constructor may not be given.
     data : mapping
         As read from YAML. A number may be ``{value, tol}``.
     where : str
@@ -33,7 +34,7 @@ def build(cls: type[T], data: object, where: str, tolerances: dict[str, float]) 
     if not isinstance(data, Mapping):
         raise MachineError(f'{where}: expected a mapping, found {data!r}')
     hints = typing.get_type_hints(cls)
-    fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
     unknown = sorted(set(map(str, data)) - set(fields))
     if unknown:
         raise MachineError(

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from escalator_twin.causes import alter_machine, alter_parameters
-from escalator_twin.machine import Machine, Sensor
+from escalator_twin.causes import alter_layout, alter_machine, alter_parameters
+from escalator_twin.machine import Machine, MultibodyMachine, Sensor
+from escalator_twin.physics.multibody.layout import lay_out, Layout
+from escalator_twin.physics.multibody.simulation import MultibodySimulation
 from escalator_twin.physics.parameters import make_parameters
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.rollout import Simulation, STEP_S, Trace
@@ -15,11 +17,12 @@ from escalator_twin.signals import Experiment
 CHUNK_S = 5.0  # simulated between two reports of progress
 
 Progress = Callable[[float, float], None]
+AnySimulation = Simulation | MultibodySimulation
 
 
 def make_simulation(
-    machine: Machine, experiment: Experiment, planar: bool = False, step_s: float = STEP_S
-) -> Simulation:
+    machine: Machine, experiment: Experiment, planar: bool = False, step_s: float | None = None
+) -> AnySimulation:
     """Build the simulation of a machine, its deviations applied, in an experiment.
 
     Parameters
@@ -30,8 +33,8 @@ def make_simulation(
         ``set_speed_m_s`` is the rack's real speed.
     planar : bool
         Lump both sides into one.
-    step_s : float
-        Time step, s.
+    step_s : float, optional
+        Time step, s; by default that of the machine's kind.
 
     Raises
     ------
@@ -41,13 +44,20 @@ def make_simulation(
         Where a list of loads has another length than the chain has steps.
     """
     altered = alter_machine(machine)
+    if isinstance(altered, MultibodyMachine):
+        return MultibodySimulation(altered, _layout(altered, experiment), step_s)
     parameters = alter_parameters(make_parameters(altered, experiment, planar), altered)
     path = replace(build_path(altered.guide), segments=parameters.segments)
-    return Simulation(altered, parameters, path, step_s)
+    return Simulation(altered, parameters, path, step_s or STEP_S)
+
+
+def _layout(machine: MultibodyMachine, experiment: Experiment) -> Layout:
+    """Return the network of a machine, its deviations applied."""
+    return alter_layout(lay_out(machine, experiment), machine)
 
 
 def run_twin(
-    simulation: Simulation,
+    simulation: AnySimulation,
     sensors: tuple[Sensor, ...],
     start_s_m: float,
     duration_s: float,
@@ -58,7 +68,7 @@ def run_twin(
 
     Parameters
     ----------
-    simulation : Simulation
+    simulation : Simulation or MultibodySimulation
     sensors : tuple of Sensor
     start_s_m : float
         Path coordinate of axle 0 at the first sample, m.
@@ -78,4 +88,4 @@ def run_twin(
             progress(done, duration_s)
     columns = np.concatenate([t.columns for t in traces])
     place = np.unwrap(np.concatenate([t.place_m for t in traces]), period=simulation.path.length_m)
-    return Trace(np.arange(len(columns)) / rate_hz, columns, place)
+    return Trace(np.arange(len(columns)) / rate_hz, columns, place, traces[0].rack_m)

@@ -1,11 +1,15 @@
-"""Command line of the rig: ``python -m rig make|hidden|verify``."""
+"""Command line of the rig: ``python -m rig make|hidden|verify|...``."""
 
 import argparse
 from pathlib import Path
 
-from rig.hidden import write_hidden
+from rig.catalogue import KINDS, SHARES
+from rig.floor import show_floor
+from rig.hidden import plan, write_hidden
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
+from rig.readings import show_creep, show_rails, show_treads
+from rig.readings_sensors import show_sensors
 from rig.samples import write_samples
 from rig.verify import beside, verify
 
@@ -79,13 +83,29 @@ def parser() -> argparse.ArgumentParser:
     many.add_argument('--seed', type=int, required=True)
     many.add_argument('--out', type=Path, required=True)
     many.add_argument('--recordings', type=int, default=1, help='recordings of each machine')
-    many.add_argument('--causes', nargs='*', help='take these in turn; clean for none')
+    many.add_argument(
+        '--causes',
+        nargs='*',
+        choices=[*KINDS, 'clean'],
+        metavar='NAME',
+        help='take these in turn; clean for none',
+    )
+    many.add_argument('--sizes', nargs='+', choices=list(SHARES), default=list(SHARES))
+    many.add_argument('--jobs', type=int, default=1, help='recordings made at a time')
     checked = verbs.add_parser('verify', help='show the rig beside the seeded recordings')
     checked.add_argument('--shared', type=Path, required=True)
     checked.add_argument('--tolerances', action='store_true', help='fit these too, slower')
     checked.add_argument('--only', nargs='*', default=[], metavar='NAME')
+    read = verbs.add_parser(
+        'readings', help='how the recordings decide what the sheet leaves open'
+    )
+    read.add_argument('--shared', type=Path, required=True)
     other = verbs.add_parser('beside', help='show the nominal rig beside other recordings')
     other.add_argument('bags', type=Path, nargs='+', metavar='BAG')
+    left = verbs.add_parser('floor', help="what is left between the rig and the twin's own bags")
+    left.add_argument('bags', type=Path, nargs='+', metavar='BAG')
+    left.add_argument('--out', type=Path, metavar='JSON')
+    left.add_argument('--rails', type=int, default=0, metavar='N', help='drawn rails beside it')
     return root
 
 
@@ -106,9 +126,21 @@ def main() -> None:
     elif given.verb == 'samples':
         write_samples(given.out)
     elif given.verb == 'hidden':
-        write_hidden(given.n, given.seed, given.out, given.recordings, given.causes)
+        plans = [
+            plan(index, given.seed, given.recordings, given.causes, tuple(given.sizes))
+            for index in range(given.n)
+        ]
+        write_hidden(plans, given.seed, given.out, given.jobs)
+    elif given.verb == 'readings':
+        seeded = given.shared / 'measured' / 'seeded'
+        show_rails(seeded)
+        show_treads(seeded)
+        show_creep(seeded)
+        show_sensors(seeded)
     elif given.verb == 'beside':
         beside(given.bags)
+    elif given.verb == 'floor':
+        show_floor(given.bags, given.out, given.rails)
     elif given.verb == 'verify':
         verify(given.shared, given.only, given.tolerances)
 

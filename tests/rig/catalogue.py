@@ -1,7 +1,10 @@
 """What can be hidden in a recording: each cause's places and sizes, drawn from a seed.
 
 ``share`` scales a cause's size from its reference: 1 is the reference, 1/3 and 2 the others.
-Parameters that tell kind rather than size (frequencies, counts of teeth) do not scale.
+Lengths, forces and amplitudes scale in proportion, factors by their distance from 1; a factor
+that softens (a link, the drive, a support) scales as its logarithm, since twice 0.3 taken off
+would leave nothing.  A frame's modal mass scales as 1 / share: half as heavy moves twice as
+much.  Parameters that tell kind rather than size (frequencies, counts of teeth) do not scale.
 """
 
 from collections.abc import Callable
@@ -27,7 +30,11 @@ SPIKY_CHANNELS = (
     'tensioner/displacement',
     *(f'step/acceleration/{axis}' for axis in 'xyz'),
 )
-GAP_CHANNELS = (*GAUGED_CHANNELS, 'tensioner/displacement', 'step/acceleration')
+GAP_GROUPS = (  # what shares a topic is lost together
+    *((channel,) for channel in GAUGED_CHANNELS),
+    ('tensioner/displacement',),
+    tuple(f'step/acceleration/{axis}' for axis in 'xyz'),
+)
 
 
 @dataclass(frozen=True)
@@ -131,12 +138,15 @@ def landing_length(rng: Random, share: float) -> tuple[dict, dict]:
 def load_distribution(rng: Random, share: float) -> tuple[dict, dict]:
     first = int(rng.integers(60))
     steps = [(first + k) % 60 for k in range(3)]
-    return {'steps': steps}, {'load_factor': max(factor(pick(rng, (0.0, 1.8)), share), 0.0)}
+    # nothing is lighter than no load at all
+    references = (0.0, 1.8) if share <= 1.0 else (1.8,)
+    return {'steps': steps}, {'load_factor': factor(pick(rng, references), share)}
 
 
 def step_mass(rng: Random, share: float) -> tuple[dict, dict]:
-    # no step can lose more than the share of its mass that the reference takes twice
-    return {'step': int(rng.integers(60))}, {'delta_kg': share * 18.0 * pick(rng, (1.0, -0.5))}
+    # twice the reference lighter would leave less than the axles and rollers weigh
+    signs = (1.0, -1.0) if share <= 1.0 else (1.0,)
+    return {'step': int(rng.integers(60))}, {'delta_kg': share * 18.0 * pick(rng, signs)}
 
 
 def truss_resonance(rng: Random, share: float) -> tuple[dict, dict]:
@@ -186,8 +196,8 @@ def mains_hum(rng: Random, share: float) -> tuple[dict, dict]:
 
 def data_gap(rng: Random, share: float) -> tuple[dict, dict]:
     start = rng.uniform(10.0, 80.0)
-    some = rng.permutation(len(GAP_CHANNELS))[: int(rng.integers(1, len(GAP_CHANNELS)))]
-    channels = [GAP_CHANNELS[k] for k in sorted(some)]
+    some = rng.permutation(len(GAP_GROUPS))[: int(rng.integers(1, len(GAP_GROUPS)))]
+    channels = [channel for k in sorted(some) for channel in GAP_GROUPS[k]]
     return {'channels': channels}, {'from_s': start, 'to_s': start + share * 4.0}
 
 

@@ -187,9 +187,12 @@ def load_offset(model, _place, size, _rng):
 def step_mass(model, place, size, _rng):
     """Put the step's extra mass on the four axle ends that carry it."""
     half = model.mass.size // 2
-    first = int(place['step'])
-    where = [a * half + i % half for i in (first, first + 1) for a in (0, 1)]
-    return model._replace(mass=changed(model.mass, where, lambda v: v + 0.25 * size['delta_kg']))
+    axles = [(int(place['step']) + k) % half for k in (0, 1)]
+    ends = [a * half + i for i in axles for a in (0, 1)]
+    return model._replace(
+        mass=changed(model.mass, ends, lambda v: v + 0.25 * size['delta_kg']),
+        lat_mass=changed(model.lat_mass, axles, lambda v: v + 0.5 * size['delta_kg']),
+    )
 
 
 def truss_resonance(model, _place, size, _rng):

@@ -96,31 +96,55 @@ def build(sheet: Sheet, case: Case, speed_m_s: float, drawn: Tolerances) -> Mode
     )
 
 
+def surveyed_waves(
+    s: FloatArray,
+    values: FloatArray,
+    length_m: float,
+    amplitude_m: float,
+    rng: np.random.Generator | None,
+) -> NDArray[np.complex128]:
+    """Return the complex amplitudes (m) of a rail's waves, given its survey, from the mean on.
+
+    Each row of the survey sees the sum of all waves at its own place, and a white error: one
+    linear Gaussian problem.  The last row stands a few millimetres before the seam, so that the
+    rows are not evenly spaced round the loop.
+    """
+    k = np.arange(1, int(length_m / SURVEYED_WAVE_M) + 1)
+    angle = 2.0 * np.pi * np.outer(s / length_m, k)
+    seen = np.column_stack([np.ones(s.size), np.cos(angle), np.sin(angle)]) / SURVEY_ERROR_M
+    spread = np.tile(amplitude_m * length_m / k, 2)  # of cosines and sines
+    known = seen.T @ seen
+    known[1:, 1:] += np.diag(spread**-2.0)
+    root = np.linalg.cholesky(known)
+    waves = np.linalg.solve(root, seen.T @ (values / SURVEY_ERROR_M))
+    if rng is not None:
+        waves = waves + rng.normal(size=waves.size)
+    waves = np.linalg.solve(root.T, waves)
+    return np.append(waves[0] + 0j, 0.5 * (waves[1 : k.size + 1] - 1j * waves[k.size + 1 :]))
+
+
 def true_rail(
-    values: FloatArray, length_m: float, amplitude_m: float, rng: np.random.Generator | None
+    s: FloatArray,
+    values: FloatArray,
+    length_m: float,
+    amplitude_m: float,
+    rng: np.random.Generator | None,
 ) -> FloatArray:
     """Return a true rail, given what the survey says of it, on the rig's table.
 
     The true deviation's amplitude per wave falls as 1 / (waves per metre), as the survey's
-    own spectrum does below 4 per metre; the survey adds white errors.  Each wave is drawn
-    from its posterior (Wiener's gain and what it leaves open), shorter waves from a share of
-    the prior.  Without a generator: the posterior's mean.
+    own spectrum does below 4 per metre; the survey adds white errors.  The waves are drawn from
+    their posterior, shorter ones from a share of the prior.  Without a generator: the
+    posterior's mean.
     """
-    rows = values.size
     table = round(length_m / TABLE_STEP_M)
-    surveyed = np.fft.rfft(values) / rows
-    waves = int(length_m / SHORTEST_WAVE_M) + 1
+    surveyed = surveyed_waves(s, values, length_m, amplitude_m, rng)
     true = np.zeros(table // 2 + 1, complex)
-    noise = SURVEY_ERROR_M**2 / rows  # variance of a complex coefficient
-    for k in range(1, waves):
-        prior = 0.5 * (amplitude_m * length_m / k) ** 2
-        draw = 0.0 if rng is None else complex(rng.normal(), rng.normal()) * np.sqrt(0.5)
-        if length_m / k > SURVEYED_WAVE_M:
-            gain = prior / (prior + noise)
-            true[k] = gain * surveyed[k] + np.sqrt(gain * noise) * draw
-        else:
-            true[k] = SHORT_SHARE * np.sqrt(prior) * draw
-    true[0] = surveyed[0]
+    true[: surveyed.size] = surveyed
+    if rng is not None:
+        k = np.arange(surveyed.size, int(length_m / SHORTEST_WAVE_M) + 1)
+        draw = (rng.normal(size=k.size) + 1j * rng.normal(size=k.size)) * np.sqrt(0.5)
+        true[k] = SHORT_SHARE * np.sqrt(0.5) * amplitude_m * length_m / k * draw
     return np.fft.irfft(true, table) * table
 
 
@@ -128,8 +152,9 @@ def lay_rails(model: Model, rng: np.random.Generator | None) -> Model:
     """Give the machine a true guide, drawn or the likeliest: one for both sides."""
     survey = read_survey(SURVEY)
     length = model.cell * model.lateral.size
-    normal = true_rail(survey[:, 1], length, WAVE_AMPLITUDE_M['normal'], rng)
-    lateral = true_rail(survey[:, 2], length, WAVE_AMPLITUDE_M['lateral'], rng)
+    s = survey[:, 0]
+    normal = true_rail(s, survey[:, 1], length, WAVE_AMPLITUDE_M['normal'], rng)
+    lateral = true_rail(s, survey[:, 2], length, WAVE_AMPLITUDE_M['lateral'], rng)
     return model._replace(
         normal=np.stack([normal, normal]),
         normal_slope=np.stack([slope(normal, model.cell)] * 2),

@@ -16,9 +16,8 @@ frame mode's displacement and rate.
 
 import math
 
-from numba import njit
-
 from rig.forcing import carriage_rates, drive_forces, load_forces, rack_speed
+from rig.kernel import kernel
 from rig.layout import (
     CARRIED,
     COS,
@@ -46,7 +45,7 @@ from rig.layout import (
 )
 
 
-@njit
+@kernel
 def place(model, y, marks, work):
     """Fill positions, directions and velocities of all axle ends."""
     ends = model.mass.size
@@ -95,7 +94,7 @@ def place(model, y, marks, work):
         work[S_DESIGN, e] = design
 
 
-@njit
+@kernel
 def look_up(model, s):
     """Return a path coordinate's cell in the guide's tables, the next one, and the part."""
     cells = model.lateral.size
@@ -108,13 +107,13 @@ def look_up(model, s):
     return cell, cell + 1 if cell + 1 < cells else 0, part
 
 
-@njit
+@kernel
 def saturate(x):
     """Return tanh(x), without computing it where it is 1 in double precision."""
     return math.copysign(1.0, x) if abs(x) > 19.0 else math.tanh(x)
 
 
-@njit
+@kernel
 def tread_height(model, e, s, laps):
     """Return how far the tread stands out where it meets either track (m)."""
     turned = (s + laps * model.loop) / model.radius
@@ -130,7 +129,7 @@ def tread_height(model, e, s, laps):
     return height
 
 
-@njit
+@kernel
 def guide_forces(model, y, dy, marks, work, t):
     """Contact, rolling drag and gravity on every axle end; return the pull on the carriage."""
     ends = model.mass.size
@@ -164,10 +163,12 @@ def guide_forces(model, y, dy, marks, work, t):
         slope = model.normal_slope[side, cell] * (1.0 - part)
         slope += model.normal_slope[side, after] * part
         gap = n - line
-        gap_rate = vn - slope * s_rate
+        gap_rate = vn - slope * s_rate * model.reading[1]
         half_play = model.half_play[side, cell]
         if model.ecc[e] != 0.0 or model.flat[e] != 0.0:
-            half_play -= tread_height(model, e, s, marks[LAPS, e])
+            height = tread_height(model, e, s, marks[LAPS, e])
+            half_play -= height * model.reading[2]
+            gap -= height * (1.0 - model.reading[2])
         stiffness = model.support[side, cell] * model.contact_k
         # a high tread may touch both tracks at once: each only pushes, and each resists rolling
         lower = upper = 0.0
@@ -177,13 +178,14 @@ def guide_forces(model, y, dy, marks, work, t):
             upper = max(stiffness * (gap - half_play) + model.contact_c * gap_rate, 0.0)
         normal = lower - upper
         work[NORMAL, e] = normal
-        dry = model.resistance[e] * abs(normal) + model.extra_drag[e]
+        pressing = abs(normal) if model.reading[3] > 0.5 else lower + upper
+        dry = model.resistance[e] * pressing + model.extra_drag[e]
         dry += model.stretch_drag[side, cell]
         if rub > 0.0 and model.rub_from < work[S_DESIGN, e] < model.rub_to:
             dry += rub
         drag = dry * saturate(vt / model.roll_speed) + model.viscous * vt
         if marks[CARRIED, e] == 1:
-            pull_x += normal * d + drag * c
+            pull_x += normal * d + drag * c * model.reading[0]
         if model.mode_mass > 0.0:
             frame_pull -= normal * (-model.mode_x * d + model.mode_z * c)
             frame_pull += drag * (model.mode_x * c + model.mode_z * d)
@@ -195,7 +197,7 @@ def guide_forces(model, y, dy, marks, work, t):
     return pull_x, frame_pull
 
 
-@njit
+@kernel
 def link_forces(model, work):
     """Tension of every link and the racking between an axle's two ends."""
     ends = model.mass.size
@@ -229,7 +231,7 @@ def link_forces(model, work):
         work[FZ, f] -= fz
 
 
-@njit
+@kernel
 def rates(model, t, y, marks, slip, work, dy):
     """Time derivative of the whole state."""
     ends = model.mass.size
@@ -259,7 +261,7 @@ def rates(model, t, y, marks, slip, work, dy):
         rate = y[4 * ends + half + i]
         off_rate = rate - slope * work[S_RATE, i]
         dy[4 * ends + i] = rate
-        dy[4 * ends + half + i] = -(model.lat_k * off + model.lat_c * off_rate) / model.lat_mass
+        dy[4 * ends + half + i] = -(model.lat_k * off + model.lat_c * off_rate) / model.lat_mass[i]
     carriage_rates(model, t, y, dy, pull_x)
     dy[tail + RACK] = speed
     dy[tail + MODE] = y[tail + MODE_RATE]

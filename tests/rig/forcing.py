@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from rig.kernel import kernel
 from rig.layout import (
     COS,
     DOG,
@@ -22,7 +21,7 @@ from rig.layout import (
 )
 
 
-@njit
+@kernel
 def ramp(s, start, end, width):
     """Return 0 outside start..end, 1 inside, rising and falling linearly within it."""
     if s <= start or s >= end:
@@ -30,7 +29,7 @@ def ramp(s, start, end, width):
     return min(1.0, min(s - start, end - s) / width)
 
 
-@njit
+@kernel
 def load_forces(model, work, t):
     """Weight of each step's load, half on each of its two axles."""
     ends = model.mass.size
@@ -55,7 +54,7 @@ def load_forces(model, work, t):
         work[FZ, f] -= weight
 
 
-@njit
+@kernel
 def rack_speed(model, t, travel):
     """Return the rack's speed along +s (m/s): mean, slow wander, ripple, hunting."""
     place_in = min(max(t / model.wander_step, 0.0), model.wander.size - 1.000001)
@@ -72,7 +71,7 @@ def rack_speed(model, t, travel):
     return model.direction * model.speed * (1.0 + relative) * ripple
 
 
-@njit
+@kernel
 def dog_offset(model, dog):
     """Return how far a dog sits from its place on the rack (m)."""
     if model.bad_dog_m != 0.0 and dog % model.rack_dogs == model.bad_dog:
@@ -80,7 +79,7 @@ def dog_offset(model, dog):
     return 0.0
 
 
-@njit
+@kernel
 def drive_forces(model, y, marks, slip, work, speed):
     """Pull of the rack's dogs on the axle ends in the drive; return its share on the frame."""
     ends = model.mass.size
@@ -111,7 +110,7 @@ def drive_forces(model, y, marks, slip, work, speed):
     return frame_pull
 
 
-@njit
+@kernel
 def carriage_rates(model, t, y, dy, pull_x):
     """Carriage: spring, damper, dry friction, stop, blows, and what the chain pulls."""
     tail = 5 * model.mass.size

@@ -1,6 +1,9 @@
 """Make a set of recordings in which something is hidden, the truth apart."""
 
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 import json
 from pathlib import Path
 
@@ -46,7 +49,13 @@ def draw_cause(rng: np.random.Generator) -> str | None:
     return names[int(rng.integers(len(names)))]
 
 
-def plan(index: int, seed: int, recordings: int, causes: list[str] | None = None) -> Plan:
+def plan(
+    index: int,
+    seed: int,
+    recordings: int,
+    causes: list[str] | None = None,
+    sizes: tuple[str, ...] = tuple(SHARES),
+) -> Plan:
     """Draw one machine of the set; ``causes`` are taken in turn instead of drawn."""
     rng = np.random.default_rng([seed, index])
     cause = causes[index % len(causes)] if causes else draw_cause(rng)
@@ -55,7 +64,7 @@ def plan(index: int, seed: int, recordings: int, causes: list[str] | None = None
     effects: tuple[Effect, ...] = ()
     needs_load = False
     if cause is not None:
-        size = list(SHARES)[int(rng.integers(len(SHARES)))] if KINDS[cause].has_size else None
+        size = sizes[int(rng.integers(len(sizes)))] if KINDS[cause].has_size else None
         effects = (draw_effect(rng, cause, SHARES[size] if size else 1.0),)
         needs_load = KINDS[cause].needs_load
     first = seed * SEED_STEP + index * recordings
@@ -80,13 +89,21 @@ def write_plan(chosen: Plan, out: Path) -> dict:
     return {'name': chosen.name, 'recordings': paths}
 
 
-def write_hidden(
-    n: int, seed: int, out: Path, recordings: int, causes: list[str] | None = None
-) -> None:
-    """Make ``n`` machines' recordings in ``out``, with a manifest and the truth apart."""
-    machines = []
-    for index in range(n):
-        machines.append(write_plan(plan(index, seed, recordings, causes), out))
-        print(f'{index + 1} of {n}: {machines[-1]["name"]}', flush=True)
+def in_turn(plans: list[Plan], out: Path, jobs: int) -> Iterator[dict]:
+    """Make the machines' recordings, ``jobs`` at a time; yield their lines in order."""
+    one: partial[dict] = partial(write_plan, out=out)
+    if jobs == 1:
+        yield from map(one, plans)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(one, plans)
+
+
+def write_hidden(plans: Iterable[Plan], seed: int, out: Path, jobs: int = 1) -> None:
+    """Make the planned machines' recordings in ``out``, with a manifest and the truth apart."""
+    chosen, machines = list(plans), []
+    for line in in_turn(chosen, out, jobs):
+        machines.append(line)
+        print(f'{len(machines)} of {len(chosen)}: {line["name"]}', flush=True)
     manifest = {'schema': 'rig/manifest/1', 'seed': seed, 'machines': machines}
     (out / 'manifest.json').write_text(json.dumps(manifest, indent=1) + '\n')

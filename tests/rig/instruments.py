@@ -33,7 +33,7 @@ MISALIGNMENT_DEG = 0.3  # deg, one standard deviation about each axis
 REFLEX_NOISE, REFLEX_STEP, REFLEX_ZERO = 2e-5, 1e-5, 5e-3  # m
 LATENCY_S, JITTER_S = 4e-3, 1e-3  # s, seen: latency + |N(0, jitter)|
 TRACK_GAUGE_M = 1.0  # m, data sheet, left chain to right chain
-ALIAS_HZ = 76.0  # Hz, seen: half the amplitude is left, no phase
+ALIAS_HZ = 80.0  # Hz, seen: half the amplitude is left, no phase
 PACKET_NS = 1000  # ns, between the rows of one on-board packet, as seen
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rig.dynamics import rates
 from rig.forcing import dog_offset
+from rig.kernel import ERROR_MODEL, kernel
 from rig.layout import (
     CARRIED,
     COS,
@@ -39,7 +40,7 @@ FloatArray = NDArray[np.float64]
 COLUMNS = len(RECORD)
 
 
-@njit
+@kernel
 def hand_over(model, y, marks):
     """Pass axle ends between fixed rails and carriage, and round the seam."""
     ends = model.mass.size
@@ -66,7 +67,7 @@ def hand_over(model, y, marks):
             y[e] = s + u
 
 
-@njit
+@kernel
 def engage(model, y, marks, slip, work):
     """Give each axle end that enters the drive its nearest dog; let overloaded dogs slip."""
     ends = model.mass.size
@@ -86,7 +87,7 @@ def engage(model, y, marks, slip, work):
             slip[e] -= stretch - math.copysign(most, stretch)
 
 
-@njit
+@kernel
 def record(model, y, work, dy, row):
     """Write one row of ``RECORD`` from the state and its accelerations."""
     ends = model.mass.size
@@ -127,7 +128,7 @@ def compiled_march(source: str) -> Callable[..., FloatArray]:
     without the key, a change of another file would leave the old machine in the cache.
     """
 
-    @njit(cache=True)
+    @njit(cache=True, error_model=ERROR_MODEL)
     def march(model, y, marks, slip, t0, step, n_steps, every):
         """Integrate ``n_steps`` steps in place; return a row of ``RECORD`` every ``every``."""
         work = np.zeros((WORK_ROWS + len(source) * 0, model.mass.size))
@@ -157,7 +158,14 @@ def compiled_march(source: str) -> Callable[..., FloatArray]:
     return march
 
 
-SOURCES = ('dynamics.py', 'forcing.py', 'integrate.py', 'layout.py', 'model.py')
+SOURCES = (
+    'dynamics.py',
+    'forcing.py',
+    'integrate.py',
+    'kernel.py',
+    'layout.py',
+    'model.py',
+)
 march = compiled_march(
     ''.join(sha256(Path(__file__).with_name(name).read_bytes()).hexdigest() for name in SOURCES)
 )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.guide import lay_path, read_survey, tabulate
-from rig.model import Model
+from rig.model import Model, READINGS
 from rig.sheet import Sheet
 
 FloatArray = NDArray[np.float64]
@@ -119,13 +119,14 @@ def nominal(
         swing_hz=1.0,
         lat_k=sheet.lateral_stiffness_n_m,
         lat_c=sheet.lateral_damping_ns_m,
-        lat_mass=sheet.axle_mass_kg,
+        lat_mass=np.full(n, sheet.axle_mass_kg),
         gravity=sheet.gravity_m_s2,
         mode_x=0.0,
         mode_z=1.0,
         mode_mass=0.0,
         mode_k=0.0,
         mode_c=0.0,
+        reading=np.ones(len(READINGS)),
         blow_force=0.0,
         blow_period=1.0,
         blow_width=0.0,

@@ -98,6 +98,8 @@ Model = namedtuple(
         'mode_mass',
         'mode_k',
         'mode_c',
+        # how the data sheet is read, see READINGS
+        'reading',
         # timed disturbances
         'blow_force',
         'blow_period',
@@ -135,4 +137,12 @@ RECORD = (
     'n_right_30',
     'n_right_31',
     'dog',  # largest pull of any dog
+)
+
+# Readings of the data sheet that the recordings decided; 1 as adopted, 0 for the other one.
+READINGS = (
+    'drag_on_carriage',  # rolling drag on the lower turnaround reacts on the carriage
+    'moving_line',  # the contact's damper sees the rail line move under the roller
+    'tread_on_both',  # a high tread takes play from both tracks, else it shifts the centre
+    'net_normal',  # a pinched roller resists by its net normal force, else by both contacts'
 )

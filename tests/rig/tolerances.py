@@ -14,7 +14,6 @@ from rig.comparison import Channels, FORCES, in_band, inside, NOISE, TENSIONER
 from rig.draw import build, lay_rails, SPREAD, Tolerances
 from rig.instruments import LINKS
 from rig.measured import Measured
-from rig.model import Model
 from rig.sheet import Sheet
 from rig.travel import Loop, steady_loop, Travel
 
@@ -41,13 +40,15 @@ def one_off(name: str) -> Tolerances:
     return Tolerances(**{name: SPREAD[name] + (0.0 if name.endswith('_m') else 1.0)})
 
 
-def said_along(loop: Loop, travel: Travel, measured: Measured, ahead_m: float = 0.0) -> Channels:
+def said_along(
+    loop: Loop, travel: Travel, measured: Measured, cut_hz: float, ahead_m: float = 0.0
+) -> Channels:
     """Return the fitted channels of a steady loop along the travel, low-passed."""
     rack = travel.at(measured.onboard_s) + ahead_m
     channels = {f: loop.at(f'force_{link}', rack) for f, link in zip(FORCES, LINKS, strict=True)}
     rack = travel.at(measured.ground_s) + travel.ground_lead + ahead_m
     channels[TENSIONER] = loop.at('u', rack)
-    return in_band(channels, CUT_HZ)
+    return in_band(channels, cut_hz)
 
 
 def polynomials(channel: str, measured: Measured) -> FloatArray:
@@ -57,23 +58,38 @@ def polynomials(channel: str, measured: Measured) -> FloatArray:
     return np.polynomial.chebyshev.chebvander(part, DRIFT_ORDER)
 
 
+def tolerance_loops(measured: Measured, speed_m_s: float) -> list[Loop]:
+    """Run the machine as designed and, one after the other, with each tolerance one off."""
+    return [
+        steady_loop(lay_rails(build(Sheet(), measured.case, speed_m_s, t), None))
+        for t in (Tolerances(), *(one_off(name) for name in SPREAD))
+    ]
+
+
 def explain(
-    measured: Measured, truth: Channels, said: Channels, model: Model, travel: Travel
+    measured: Measured,
+    truth: Channels,
+    said: Channels,
+    loops: list[Loop],
+    travel: Travel,
+    cut_hz: float = CUT_HZ,
+    also: dict[str, tuple[Loop, Loop]] | None = None,
 ) -> Explained:
     """Fit the tolerances to what is left between ``truth`` and ``said``.
 
-    ``model`` is the machine that gave ``said``, labelled effects included; the changes that
-    tolerances make are taken from machines without effects.
+    ``said`` has the labelled effects; the changes that tolerances make are those between
+    ``loops``, of machines without effects.  ``also`` names further sizes, each by a machine that
+    has it and one that has a step more; they are found in steps, freely.
     """
     names = list(SPREAD)
-    loops = [
-        steady_loop(lay_rails(build(Sheet(), measured.case, model.speed, t), None))
-        for t in (Tolerances(), *(one_off(name) for name in names))
+    base, *changed = [said_along(loop, travel, measured, cut_hz) for loop in loops]
+    ahead = said_along(loops[0], travel, measured, cut_hz, STEP_M)
+    more = [
+        [said_along(loop, travel, measured, cut_hz) for loop in pair]
+        for pair in (also or {}).values()
     ]
-    base, *changed = [said_along(loop, travel, measured) for loop in loops]
-    ahead = said_along(loops[0], travel, measured, STEP_M)
     m, p = (
-        in_band({name: channels[name] for name in FITTED}, CUT_HZ) for channels in (truth, said)
+        in_band({name: channels[name] for name in FITTED}, cut_hz) for channels in (truth, said)
     )
     blocks, targets = [], []
     for channel in FITTED:
@@ -81,7 +97,14 @@ def explain(
         along = slow * ((ahead[channel] - base[channel]) / STEP_M)[:, None]
         shift = along[:, :1] * (channel == TENSIONER)
         own = np.column_stack([slow, p[channel]]) if channel in FORCES else slow[:, :1]
-        common = np.column_stack([*(c[channel] - base[channel] for c in changed), along, shift])
+        common = np.column_stack(
+            [
+                *(c[channel] - base[channel] for c in changed),
+                *(b[channel] - a[channel] for a, b in more),
+                along,
+                shift,
+            ]
+        )
         basis = np.linalg.qr(own)[0]
         left = m[channel] - p[channel]
         scale = 1.0 / NOISE[channel]
@@ -96,4 +119,5 @@ def explain(
         channel: float((t - b @ found).std() * NOISE[channel])
         for channel, b, t in zip(FITTED, blocks, targets, strict=True)
     }
-    return Explained(dict(zip(names, found[: len(names)].tolist(), strict=True)), residual)
+    told = [*names, *(also or {})]
+    return Explained(dict(zip(told, found[: len(told)].tolist(), strict=True)), residual)

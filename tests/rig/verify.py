@@ -28,7 +28,7 @@ from rig.measured import Measured, read_measured
 from rig.model import Model, RECORD
 from rig.run import ROW_S, run
 from rig.sheet import Sheet
-from rig.tolerances import explain, Explained
+from rig.tolerances import explain, Explained, tolerance_loops
 from rig.travel import fit_travel, mean_speed, SETTLE_S, steady_loop, Travel
 
 TABLE_S = 0.1  # s, between entries of the speed table
@@ -125,7 +125,8 @@ def verify_one(path: Path, effects: list[Effect], fit_tolerances: bool = False) 
     base = follow(model, travel, measured)
     without = compare(truth, base)
     if not effects:
-        fitted = explain(measured, truth, base, model, travel) if fit_tolerances else None
+        loops = tolerance_loops(measured, speed) if fit_tolerances else []
+        fitted = explain(measured, truth, base, loops, travel) if loops else None
         return Verdict(path.name, speed, without, None, None, fitted)
     phase = 0.0
     if any(effect.cause in WITH_PHASE for effect in effects):
@@ -138,7 +139,8 @@ def verify_one(path: Path, effects: list[Effect], fit_tolerances: bool = False) 
     said = with_faults(follow(altered, travel, measured), effects)
     unchanged = base if phase else follow(model, travel, measured)
     most = acts_most(unchanged, said)
-    fitted = explain(measured, truth, said, model, travel) if fit_tolerances else None
+    loops = tolerance_loops(measured, speed) if fit_tolerances else []
+    fitted = explain(measured, truth, said, loops, travel) if loops else None
     return Verdict(path.name, speed, without, compare(truth, said), most, fitted)
 
 

@@ -152,21 +152,36 @@ def _sides(part: Part, where: NDArray[np.int64]) -> Floats:
     )
 
 
-def judge_hits(hits: Hits, signal: Signal, duration_s: float, start_ns: int) -> list[Finding]:
-    """Return the finding where there are more hits than a clean machine gives."""
+def outliers(
+    signal: Signal, sensor: Sensor, others: list[tuple[Signal, Sensor]]
+) -> NDArray[np.bool_]:
+    """Tell of each sample of each part whether it is an outlier, (parts, n): all false if clean."""
+    hits = find_hits(signal, sensor, others)
+    stamps = hits.stamp_ns[told(hits, float(np.ptp(signal.stamp_ns)) / 1e9)]
+    here: NDArray[np.bool_] = np.isin(signal.stamp_ns, stamps)
+    parts = parts_of(signal, sensor)
+    return np.array([here & spike_mask(p.values, _noise(p), LOOSE_RANGE) for p in parts])
+
+
+def told(hits: Hits, duration_s: float) -> NDArray[np.bool_]:
+    """Tell which hits are outliers: none where a clean machine gives as many."""
     strict = hits.stamp_ns[hits.is_strict & ~hits.is_lone]
     least = max(LEAST, 1 + int(poisson.isf(CLEAN_CHANCE, CLEAN_PER_S * duration_s)))
     is_common = independent(strict) >= least
     if not is_common and int((hits.is_strict & hits.is_lone).sum()) < LEAST_LONE:
-        return []
+        return np.zeros(len(hits.size), dtype=bool)
     size = float(np.median(hits.size[hits.is_strict]))
-    told = hits.is_strict | (hits.size > LOOSE_SIZE * size)
-    if not is_common:
-        told &= hits.is_lone
-    where = (hits.stamp_ns[told] - start_ns) / 1e9
-    text = (
-        f'{len(where)} isolated outliers, the largest of {hits.size[told].max():.3g} {signal.unit}'
-    )
+    found: NDArray[np.bool_] = hits.is_strict | (hits.size > LOOSE_SIZE * size)
+    return found if is_common else found & hits.is_lone
+
+
+def judge_hits(hits: Hits, signal: Signal, duration_s: float, start_ns: int) -> list[Finding]:
+    """Return the finding where there are more hits than a clean machine gives."""
+    which = told(hits, duration_s)
+    if not which.any():
+        return []
+    where = (hits.stamp_ns[which] - start_ns) / 1e9
+    text = f'{len(where)} isolated outliers, the largest of {hits.size[which].max():.3g} {signal.unit}'
     return [Finding('sensor_spikes', signal.channel, float(where[0]), float(where[-1]), text)]
 
 

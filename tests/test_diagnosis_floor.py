@@ -1,0 +1,113 @@
+"""The file of the twin's own error, and what it makes of a sensor's noise."""
+
+import numpy as np
+import pytest
+import trials
+
+from escalator_twin.diagnosis.floor import (
+    Floor,
+    HARMONICS,
+    kind_of,
+    Level,
+    load_floor,
+    ORDERS,
+    read_floor,
+    write_floor,
+)
+from escalator_twin.errors import MachineError
+
+pytestmark = pytest.mark.issue(6)
+
+LINK = 'link_force/left_a'
+OWN = 4.0
+
+
+def level(seed):
+    rng = np.random.default_rng(seed)
+    return Level(1.0 + rng.exponential(3.0, len(ORDERS) - 1), rng.exponential(10.0, HARMONICS))
+
+
+@pytest.fixture
+def floor():
+    return Floor({'link_force': {0.25: level(1), 0.5: level(2)}, 'x/y': {0.5: level(3)}})
+
+
+def sensor():
+    return trials.prototype().instruments.sensor(LINK)
+
+
+def test_a_file_gives_back_what_was_written(floor, tmp_path):
+    path = tmp_path / 'some_floor.yaml'
+    write_floor(path, floor, 'of a test')
+    assert path.read_text(encoding='utf-8').startswith('# of a test\n')
+    again = read_floor(path)
+    assert again.levels.keys() == floor.levels.keys()
+    for kind, levels in floor.levels.items():
+        assert again.levels[kind].keys() == levels.keys()
+        for speed, one in levels.items():
+            # three digits are written
+            np.testing.assert_allclose(again.levels[kind][speed].smooth, one.smooth, rtol=5e-3)
+            np.testing.assert_allclose(again.levels[kind][speed].lines, one.lines, rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ('text', 'word'),
+    [
+        ('[]', 'schema'),
+        ('schema: other/1\nlevels: []', 'schema'),
+        (
+            'schema: escalator_twin/floor/1\n'
+            'levels: [{kind: link_force, speed_m_s: 0.5, smooth: [1.0], lines: [0.0]}]',
+            'smooth',
+        ),
+    ],
+)
+def test_a_wrong_file_says_what_is_wrong(tmp_path, text, word):
+    path = tmp_path / 'some_floor.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(MachineError, match=word):
+        read_floor(path)
+
+
+def test_an_unknown_kind_has_the_sensors_noise_alone():
+    orders = np.linspace(0.0, 20.0, 400)
+    variance = Floor({}).variance(sensor(), OWN, orders, 0.5, 4000)
+    np.testing.assert_array_equal(variance, OWN)
+
+
+def test_the_smooth_part_multiplies_the_noise():
+    smooth = np.full(len(ORDERS) - 1, 9.0)
+    flat = Floor({kind_of(sensor()): {0.5: Level(smooth, np.zeros(HARMONICS))}})
+    orders = np.linspace(0.0, 20.0, 400)
+    np.testing.assert_allclose(flat.variance(sensor(), OWN, orders, 0.5, 4000), 9.0 * OWN)
+
+
+def test_a_line_holds_its_power():
+    # a wave of mean square P has the sum of squared coefficients n P in an orthonormal transform
+    n, power = 4000, 25.0
+    lines = np.zeros(HARMONICS)
+    lines[2] = power
+    one = Floor({kind_of(sensor()): {0.5: Level(np.ones(len(ORDERS) - 1), lines)}})
+    orders = np.arange(n) * 2.5e-3
+    extra = one.variance(sensor(), OWN, orders, 0.5, n) - OWN
+    assert orders[np.argmax(extra)] == pytest.approx(3.0, abs=2.5e-3)
+    assert extra.sum() == pytest.approx(n * power, rel=0.02)
+
+
+def test_between_speeds_lies_between_the_levels(floor):
+    orders = np.array([0.3, 0.31, 2.2, 5.3])
+    low, middle, high = (
+        floor.variance(sensor(), OWN, orders, speed, 4000) for speed in (0.25, 0.35, 0.5)
+    )
+    assert np.all((middle - low) * (high - middle) >= 0.0)
+    np.testing.assert_array_equal(low, floor.variance(sensor(), OWN, orders, 0.1, 4000))
+
+
+def test_the_prototype_has_a_floor_for_all_its_channels():
+    machine = trials.prototype()
+    levels = load_floor(machine).levels
+    assert {kind_of(s) for s in machine.instruments.sensors} <= set(levels)
+
+
+def test_a_machine_without_a_file_has_none():
+    assert load_floor(trials.toy()).levels == {}

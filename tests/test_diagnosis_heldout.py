@@ -1,0 +1,224 @@
+"""Gain on held-out samples: what is held out stays unseen, and a wrong extension gains nothing.
+
+The machine is made of waves drawn here, so that what is right about it is known without a twin.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trials
+
+from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.heldout import folds_of, hold_out
+from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.nuisance import Nuisance
+from escalator_twin.diagnosis.observation import Observation
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.whitening import make_whitener, sensor_variance, Whitener
+
+pytestmark = pytest.mark.issue(7)
+
+MACHINE = trials.prototype()
+CHANNELS = tuple(s.channel for s in MACHINE.instruments.sensors)
+FORCES = np.array([c.startswith('link_force') for c in CHANNELS])
+TENSIONER = CHANNELS.index('tensioner/displacement')
+FRAME = Frame.of(MACHINE, 0.5)
+GUARD = 2 * FRAME.per_pitch  # two pitches, issue 7
+LOOPS = 1.75
+AXLE, OTHER = 7, 30
+SIZE = 20.0  # standard deviations of the sensors' noise
+
+
+def effect(axle: int = AXLE) -> Proposal:
+    place: dict[str, object] = {'axle': axle, 'side': 'left'}
+    return Proposal('roller_drag', place, {'force_N': 120.0}, 1e4, fitted=('force_N',))
+
+
+EVERYWHERE = Proposal('tensioner_friction', {}, {'force_N': 150.0}, 1e4, fitted=('force_N',))
+
+
+def spread() -> np.ndarray:
+    """Return the standard deviation of every channel's noise."""
+    sensors = [MACHINE.instruments.sensor(c) for c in CHANNELS]
+    return np.array([sensor_variance(s, FRAME.rate_hz) ** 0.5 for s in sensors])
+
+
+def passing(n: int, axle: int) -> np.ndarray:
+    """Return what an axle does to all forces while it passes three pitches of the loop, (n, c)."""
+    place = (np.arange(n) + axle * FRAME.per_pitch) % FRAME.n_loop / FRAME.per_pitch
+    bump = np.exp(-0.5 * ((place - 20.0) / 1.5) ** 2) * np.sin(2.0 * np.pi * 0.7 * place)
+    return SIZE * bump[:, None] * FORCES * spread()
+
+
+@dataclass(frozen=True)
+class Still(Stage):
+    """A stage whose machine's signals are given."""
+
+    base: np.ndarray | None = None
+
+    def run(self, *_):
+        return self.base
+
+
+@dataclass(frozen=True)
+class Remembering(Whitener):
+    """A whitener that keeps which samples it was shown."""
+
+    shown: Callable[[np.ndarray], None] = print
+
+    def __call__(self, signals):
+        self.shown(self.mask[:, 0] > 0.0)
+        return super().__call__(signals)
+
+
+def stage_of(measured: np.ndarray, base: np.ndarray, shown=None) -> Still:
+    n, c = measured.shape
+    time = np.tile(np.arange(n)[:, None] / FRAME.rate_hz, (1, c))
+    observation = Observation(
+        FRAME, CHANNELS, np.arange(n), time, measured, np.ones((n, c), bool), 0.0
+    )
+    columns = np.zeros((n, c, c), np.float32)
+    for k, sd in enumerate(spread()):
+        columns[:, k, k] = 1e3 * sd
+    whiten = make_whitener(observation, MACHINE, Floor({}))
+    if shown is not None:
+        whiten = Remembering(whiten.mask, whiten.weight, shown)
+    nuisance = Nuisance(tuple(f'{channel}/zero' for channel in CHANNELS), columns)
+    white = make_whitener(observation, MACHINE, Floor({}))(columns)
+    return Still(
+        MACHINE, SimpleNamespace(), observation, nuisance, whiten, white, (), {}, 0.0, base=base
+    )
+
+
+def recorded(seed: int = 1, loops: float = LOOPS) -> tuple[np.ndarray, np.ndarray]:
+    """Return measured and simulated signals of a machine with a drag at one axle, (n, c)."""
+    n = round(loops * FRAME.n_loop)
+    rng = np.random.default_rng(seed)
+    pitches = np.arange(n)[:, None] / FRAME.per_pitch
+    base = 50.0 * spread() * np.sin(2.0 * np.pi * pitches + rng.uniform(0.0, 6.0, len(CHANNELS)))
+    noise = spread() * rng.normal(size=base.shape)
+    return base + passing(n, AXLE) + noise, base
+
+
+def held(change: np.ndarray, proposal: Proposal, seed: int = 1, shown=None):
+    measured, base = recorded(seed)
+    stage = stage_of(measured, base, shown)
+    after = Beside(stage, None, base + change, stage.fit(base + change))
+    return hold_out(SimpleNamespace(machine=MACHINE), after, [proposal], seed)
+
+
+N = round(LOOPS * FRAME.n_loop)
+
+
+# the split
+
+
+def test_an_effect_without_a_place_is_held_out_in_folds():
+    measured, base = recorded()
+    folds, split = folds_of(stage_of(measured, base), [EVERYWHERE])
+    blocks = [block for fold in folds for block in fold]
+    assert '12 blocks' in split
+    assert len(blocks) == 12
+    covered = np.zeros(N, int)
+    for start, end in blocks:
+        assert start % FRAME.per_pitch == 0 == end % FRAME.per_pitch
+        covered[start:end] += 1
+    assert covered.max() == 1  # nothing is counted twice
+    assert covered.mean() > 0.9
+
+
+def test_an_effect_of_one_axle_is_held_out_in_later_passages():
+    measured, base = recorded()
+    (blocks,), split = folds_of(stage_of(measured, base), [effect()])
+    assert 'later passages' in split
+    assert min(start for start, _ in blocks) >= FRAME.n_loop + GUARD
+    assert max(end for _, end in blocks) <= N
+
+
+def test_without_a_second_passage_the_reason_is_told():
+    measured, base = recorded(loops=1.2)
+    stage = stage_of(measured, base)
+    found = folds_of(stage, [effect()])
+    assert found[0] == []
+    assert 'second passage' in found[1]
+    after = Beside(stage, None, base, stage.fit(base))
+    unheld = hold_out(SimpleNamespace(machine=MACHINE), after, [effect()], 1)
+    assert unheld.document() is None
+    assert not unheld.significant
+    assert unheld.split == found[1]
+
+
+@pytest.mark.parametrize('proposal', [EVERYWHERE, effect()], ids=['folds', 'later'])
+def test_nothing_within_two_pitches_of_what_is_held_out_is_fitted(proposal):
+    shown: list[np.ndarray] = []
+    held(passing(N, AXLE), proposal, shown=shown.append)
+    measured, base = recorded()
+    folds, _ = folds_of(stage_of(measured, base), [proposal])
+    masks = [
+        mask for mask in shown if not mask.all()
+    ]  # all samples: the first fit, of nothing held out
+    different = [m for k, m in enumerate(masks) if k == 0 or (m != masks[k - 1]).any()]
+    assert len(different) == len(folds)
+    for mask, blocks in zip(different, folds, strict=True):
+        assert mask.sum() > 0.25 * N
+        for start, end in blocks:
+            assert not mask[max(start - GUARD, 0) : end + GUARD].any()
+
+
+# the gain
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('proposal', [EVERYWHERE, effect()], ids=['folds', 'later'])
+def test_a_right_extension_gains(proposal, seed):
+    found = held(passing(N, AXLE), proposal, seed)
+    assert found.significant
+    assert found.worse == ()
+    assert 0.0 < found.gain_low < found.gain_high <= 1.0
+    for channel in np.array(CHANNELS)[FORCES]:
+        row = found.channels[channel]
+        # noise of the sensors is left, of one unit
+        assert row['chi2_after'] == pytest.approx(1.0, abs=0.15)
+        assert row['chi2_before'] > 4.0
+        assert row['nrmse_band_after'] < row['nrmse_band_before']
+
+
+def test_sizes_are_fitted_anew():
+    # half of the effect is proposed: the size that the training blocks ask for is tried
+    found = held(0.5 * passing(N, AXLE), effect())
+    assert found.channels[CHANNELS[int(np.argmax(FORCES))]]['chi2_after'] < 1.15
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_another_axle_gains_nothing(seed):
+    found = held(passing(N, OTHER), effect(OTHER), seed)
+    assert not found.significant
+    assert found.gain_high < 0.01
+
+
+def test_a_right_name_that_harms_another_channel_is_told():
+    change = passing(N, AXLE)
+    change[:, TENSIONER] = 0.5 * SIZE * spread()[TENSIONER] * np.sin(0.21 * np.arange(N))
+    assert CHANNELS[TENSIONER] in held(change, effect()).worse
+
+
+def test_the_bootstrap_depends_on_its_seed_alone():
+    measured, base = recorded()
+    stage = stage_of(measured, base)
+    model = base + passing(N, AXLE)
+    after = Beside(stage, None, model, stage.fit(model))
+    context = SimpleNamespace(machine=MACHINE)
+    one, again, other = (hold_out(context, after, [effect()], s) for s in (1, 1, 2))
+    assert one.gain_low == again.gain_low
+    assert one.gain_low != other.gain_low
+    assert replace(one, gain_low=0.0, gain_high=0.0) == replace(other, gain_low=0.0, gain_high=0.0)
+
+
+def test_the_wrong_sign_gains_nothing():
+    found = held(-passing(N, AXLE), effect())
+    assert not found.significant

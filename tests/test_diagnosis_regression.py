@@ -1,0 +1,133 @@
+"""Least squares with priors against dense generalised least squares of the same problem.
+
+With nuisance z of unit prior variance about zero, of which the model holds ``offset`` already, a
+residual w has mean -C offset and covariance 1 + C C': everything follows from that matrix.
+"""
+
+import numpy as np
+import pytest
+
+from escalator_twin.diagnosis.regression import (
+    fit,
+    inner_products,
+    score_each,
+    score_groups,
+)
+
+pytestmark = pytest.mark.issue(6)
+
+SINGLE = 2e-4  # relative, of sums in single precision
+
+
+class Problem:
+    """A random problem and the inverse of its covariance."""
+
+    def __init__(self, seed, m=120, q=7, k=5, offset=True):
+        rng = np.random.default_rng(seed)
+        scales = 10.0 ** rng.uniform(-2.0, 1.5, q)
+        self.columns = (rng.normal(size=(m, q)) * scales).astype(np.float32)
+        self.white = (3.0 * rng.normal(size=m)).astype(np.float32)
+        self.candidates = rng.normal(size=(m, k)).astype(np.float32)
+        self.offset = rng.normal(size=q) if offset else np.zeros(q)
+
+    def dense(self, keep=None):
+        """Return inverse covariance and the residual less its mean."""
+        C = self.columns.astype(np.float64)
+        offset = self.offset
+        if keep is not None:
+            C, offset = C[:, keep], offset[keep]
+        covariance = np.eye(len(C)) + C @ C.T
+        return np.linalg.inv(covariance), self.white + C @ offset
+
+    def fitted(self):
+        return fit(self.white, self.columns, self.offset)
+
+
+@pytest.fixture(params=range(6))
+def problem(request):
+    return Problem(request.param, offset=request.param % 2 == 1)
+
+
+def test_chi_squared(problem):
+    inverse, y = problem.dense()
+    assert problem.fitted().chi2 == pytest.approx(y @ inverse @ y, rel=SINGLE)
+
+
+def test_most_probable_nuisance(problem):
+    C = problem.columns.astype(np.float64)
+    inverse, y = problem.dense()
+    # of the whole nuisance C' V^-1 y, less what the model holds
+    expected = C.T @ inverse @ y - problem.offset
+    np.testing.assert_allclose(problem.fitted().sizes, expected, atol=1e-3)
+    left = problem.white - C @ expected
+    np.testing.assert_allclose(problem.fitted().left(), left, atol=2e-2)
+
+
+def test_no_offset_is_an_offset_of_zero():
+    problem = Problem(3, offset=False)
+    assert fit(problem.white, problem.columns).chi2 == problem.fitted().chi2
+
+
+def test_single_candidates(problem):
+    inverse, y = problem.dense()
+    X = problem.candidates.astype(np.float64)
+    scores = score_each(problem.fitted(), problem.candidates)
+    for k in range(X.shape[1]):
+        x = X[:, k]
+        power = x @ inverse @ x
+        size = x @ inverse @ y / power
+        assert scores.sd[k] == pytest.approx(power**-0.5, rel=SINGLE)
+        assert scores.size[k] == pytest.approx(size, abs=1e-3 * power**-0.5)
+        fall = y @ inverse @ y - (y - size * x) @ inverse @ (y - size * x)
+        assert scores.gain[k] == pytest.approx(fall, rel=1e-3, abs=1e-3)
+
+
+def test_candidates_together(problem):
+    inverse, y = problem.dense()
+    X = problem.candidates.astype(np.float64)
+    right, gram = inner_products(problem.fitted(), problem.candidates)
+    np.testing.assert_allclose(right, X.T @ inverse @ y, rtol=1e-3, atol=1e-2)
+    np.testing.assert_allclose(gram, X.T @ inverse @ X, rtol=1e-3, atol=1e-3)
+
+
+def test_groups_of_candidates():
+    problem = Problem(11, k=6)
+    inverse, y = problem.dense()
+    sizes, gains = score_groups(problem.fitted(), problem.candidates, 2)
+    for g in range(3):
+        X = problem.candidates[:, 2 * g : 2 * g + 2].astype(np.float64)
+        best = np.linalg.solve(X.T @ inverse @ X, X.T @ inverse @ y)
+        np.testing.assert_allclose(sizes[g], best, rtol=1e-3, atol=1e-4)
+        assert gains[g] == pytest.approx(best @ X.T @ inverse @ y, rel=1e-3)
+
+
+@pytest.mark.parametrize('index', [0, 3, 6])
+def test_leaving_out_a_nuisance(problem, index):
+    keep = np.delete(np.arange(7), index)
+    inverse, y = problem.dense(keep)
+    assert problem.fitted().without(index).chi2 == pytest.approx(y @ inverse @ y, rel=SINGLE)
+
+
+def test_a_candidate_that_nuisance_explains_is_worth_nothing():
+    # a column that may have any size leaves no information in its own direction
+    problem = Problem(5, q=2)
+    columns = problem.columns.copy()
+    columns[:, 0] = 1e3 * problem.candidates[:, 0]
+    scores = score_each(fit(problem.white, columns), problem.candidates)
+    assert scores.sd[0] > 100.0 * scores.sd[1]
+    assert scores.gain[0] < 1e-2
+
+
+def test_coverage_of_the_standard_deviation():
+    # sizes drawn with noise and nuisance are found within their standard deviations
+    rng = np.random.default_rng(29)
+    problem = Problem(17, offset=False)
+    x = problem.candidates[:, :1]
+    pulls = []
+    for _ in range(300):
+        nuisance = problem.columns @ rng.normal(size=problem.columns.shape[1])
+        white = nuisance + 4.0 * x[:, 0] + rng.normal(size=len(nuisance))
+        scores = score_each(fit(white.astype(np.float32), problem.columns), x)
+        pulls.append((scores.size[0] - 4.0) / scores.sd[0])
+    assert np.mean(pulls) == pytest.approx(0.0, abs=0.25)  # four of 1 / sqrt(300)
+    assert np.std(pulls) == pytest.approx(1.0, abs=0.17)  # four of 1 / sqrt(600)

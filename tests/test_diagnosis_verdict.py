@@ -1,0 +1,124 @@
+"""Weighing: beliefs add up, tolerances are no effects, and more explained is more believed."""
+
+import numpy as np
+import pytest
+
+from escalator_twin.causes import CAUSES
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.verdict import size_in_tolerances, weigh
+
+pytestmark = pytest.mark.issue(6)
+
+
+def proposal(cause, parameters, gain=100.0, places=1, **location):
+    return Proposal(cause, dict(location), dict(parameters), gain, {}, places, tuple(parameters))
+
+
+def drag(axle, gain, force=120.0):
+    return proposal('roller_drag', {'force_N': force}, gain, 120, axle=axle, side='left'), gain
+
+
+def friction(force, gain):
+    return proposal('tensioner_friction', {'force_N': force}, gain), gain
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_beliefs_and_none_add_up(seed):
+    rng = np.random.default_rng(seed)
+    candidates = [drag(int(k), float(rng.exponential(60.0))) for k in range(rng.integers(1, 9))]
+    candidates.append(friction(150.0, float(rng.exponential(60.0))))
+    probabilities = [w.probability for w in weigh(candidates)]
+    assert len(probabilities) == len(candidates)
+    assert all(0.0 <= p <= 1.0 for p in probabilities)
+    assert sum(probabilities) <= 1.0 + 1e-12
+
+
+def test_nothing_to_weigh():
+    assert weigh([]) == []
+
+
+def test_nothing_explained_is_not_believed():
+    (weighed,) = weigh([drag(7, 0.0)])
+    assert weighed.probability == 0.0
+
+
+def test_noise_is_not_believed():
+    # the best of 120 places of white noise reaches about 2 ln 120 = 10 in chi squared
+    assert sum(w.probability for w in weigh([drag(k, 10.0 - k) for k in range(4)])) < 0.05
+
+
+def test_much_explained_is_believed():
+    first = weigh([drag(7, 500.0), drag(8, 300.0)])[0]
+    assert first.proposal.location['axle'] == 7
+    assert first.probability > 0.99
+
+
+# contracts.md: an effect is more than three tolerances
+@pytest.mark.parametrize(
+    ('cause', 'neutral', 'parameter', 'tolerance'),
+    [
+        ('tensioner_friction', 0.0, 'force_N', 10.0),
+        ('tensioner_stiffness', 1.0, 'factor', 0.02),
+        ('tensioner_preload', 1.0, 'factor', 0.02),
+        ('link_elongation', 0.0, 'length_m', 5e-5),
+        ('chain_elongation', 0.0, 'length_m', 5e-6),
+        ('roller_drag', 0.0, 'force_N', 5.0),
+        ('roller_eccentricity', 0.0, 'amplitude_m', 2e-5),
+        ('roller_flat', 0.0, 'depth_m', 2e-5),
+        ('rolling_resistance', 1.0, 'factor', 0.10),
+        ('guide_step', 0.0, 'height_m', 1e-4),
+        ('landing_length', 0.0, 'delta_m', 1e-3),
+        ('guide_drag', 0.0, 'force_N', 3.0),
+        ('drive_ripple', 0.0, 'relative_amplitude', 0.001),
+        ('drive_hunting', 0.0, 'relative_amplitude', 0.001),
+        ('load_distribution', 1.0, 'load_factor', 0.01),
+        ('load_offset', 0.5, 'left_share', 0.005),
+        ('step_mass', 0.0, 'delta_kg', 0.3),
+        ('gauge_gain', 1.0, 'factor', 0.003),
+        ('gauge_drift', 0.0, 'strain', 1e-6),
+        ('clock_drift', 0.0, 'ppm', 20.0),
+    ],
+)
+def test_what_a_machine_within_tolerance_has_is_never_named(cause, neutral, parameter, tolerance):
+    inside = proposal(cause, {parameter: neutral + 2.9 * tolerance})
+    beyond = proposal(cause, {parameter: neutral + 9.0 * tolerance})
+    assert size_in_tolerances(inside) == pytest.approx(2.9)
+    assert weigh([(inside, 1e6)])[0].probability == 0.0
+    assert weigh([(beyond, 1e6)])[0].probability > 0.9
+
+
+def test_a_cause_without_a_tolerance_is_any_size_away():
+    stop = proposal('tensioner_stop', {'displacement_m': 2e-3})
+    assert size_in_tolerances(stop) == np.inf
+
+
+def test_more_explained_is_more_believed():
+    gains = [400.0, 380.0, 410.0, 395.0, 300.0]
+    weighed = weigh([drag(k, gain) for k, gain in enumerate(gains)])
+    assert [w.gain for w in weighed] == sorted(gains, reverse=True)
+    probabilities = [w.probability for w in weighed]
+    assert probabilities == sorted(probabilities, reverse=True)
+
+
+def test_of_two_that_explain_alike_none_is_sure():
+    weighed = weigh([drag(7, 400.0), drag(8, 400.0)])
+    assert [w.probability for w in weighed] == pytest.approx([0.5, 0.5], abs=1e-6)
+
+
+def test_a_tolerance_does_not_hide_an_effect():
+    weighed = weigh([friction(20.0, 900.0), drag(7, 500.0)])
+    assert weighed[0].proposal.cause == 'roller_drag'
+    assert weighed[0].probability > 0.9
+
+
+def test_more_places_to_choose_from_cost_belief():
+    few = proposal('roller_drag', {'force_N': 120.0}, places=2)
+    many = proposal('roller_drag', {'force_N': 120.0}, places=10_000)
+    assert weigh([(few, 30.0)])[0].probability > weigh([(many, 30.0)])[0].probability
+
+
+def test_every_cause_can_be_weighed():
+    for cause in CAUSES.values():
+        parameters = dict(cause.references[0]) if cause.references else {}
+        (weighed,) = weigh([(proposal(cause.name, parameters), 1e4)])
+        assert 0.0 <= weighed.probability <= 1.0

@@ -1,0 +1,75 @@
+"""What a comparison repairs before it judges, and what it leaves as it is."""
+
+from makers import changed, prototype, synthetic
+import numpy as np
+import pytest
+
+from escalator_twin import bagfile
+from escalator_twin.check import quality
+from escalator_twin.check.spikes import outliers
+from escalator_twin.comparison.mend import mend
+
+pytestmark = pytest.mark.issue(5)
+
+MACHINE = prototype()
+LEFT_A = 'link_force/left_a'
+Z = 'step/acceleration/z'
+EA = 7.56e7
+
+
+def mended(recording):
+    """Return the repaired recording and the kinds of findings, told whether repaired."""
+    repaired, findings = mend(recording, MACHINE, quality(recording, MACHINE))
+    return repaired, {(f.kind, f.channel, f.repaired) for f in findings}
+
+
+def with_spikes(recording, channel, size, n=20):
+    """Return the recording with outliers in all parts of a channel, and where they are."""
+    signal = recording.signals[channel]
+    rng = np.random.default_rng(8)
+    where = 40 * rng.permutation(np.arange(1, len(signal.values) // 40 - 1))[:n]
+    parts = np.array(signal.parts)
+    parts[where] += size * rng.choice([-1.0, 1.0], n)[:, None]
+    return changed(recording, channel, parts=parts), where
+
+
+@pytest.mark.parametrize('name', ['sample_clean', 'sample_guide_step'])
+def test_outliers_are_bridged_and_impacts_stay(root, name):
+    clean = bagfile.read(root / 'bags' / name, MACHINE)
+    spiked, where = with_spikes(clean, Z, 5.0)
+    repaired, kinds = mended(spiked)
+    assert ('sensor_spikes', Z, True) in kinds
+    before, after = clean.signals[Z].values, repaired.signals[Z].values
+    moved = np.flatnonzero(after != spiked.signals[Z].values)
+    assert len(set(where) & set(moved)) >= 17
+    # among 15 000 and more samples, rattling rollers look like outliers a few times
+    assert len(set(moved) - set(where)) <= 8
+    # a straight line between its neighbours is as good as the sample's own noise
+    assert np.median(np.abs(after[where] - before[where])) < 0.05
+
+
+def test_what_is_mended_is_what_check_names():
+    spiked, where = with_spikes(synthetic(MACHINE, 60.0), Z, 1.0)
+    (finding,) = (f for f in quality(spiked, MACHINE) if f.kind == 'sensor_spikes')
+    signals, sensor = spiked.signals, MACHINE.instruments.sensor
+    others = [(signals[f'step/acceleration/{a}'], sensor(f'step/acceleration/{a}')) for a in 'xy']
+    mask = outliers(signals[Z], sensor(Z), others)
+    assert int(finding.detail.split()[0]) == mask.any(axis=0).sum() == len(where)
+    assert set(np.flatnonzero(mask.any(axis=0))) == set(where)
+
+
+def test_a_clean_recording_is_left_alone():
+    clean = synthetic(MACHINE, 60.0)
+    assert mend(clean, MACHINE, quality(clean, MACHINE))[0] is clean
+
+
+def test_a_dead_gauge_stays_mended_beside_outliers():
+    clean = synthetic(MACHINE, 60.0)
+    parts = np.array(clean.signals[LEFT_A].parts)
+    parts[:, 2] = parts[0, 2]
+    parts[[500, 3000, 7000], 3] += 20e-6 * EA
+    broken = changed(clean, LEFT_A, parts=parts)
+    repaired, kinds = mended(broken)
+    assert {('gauge_dead', LEFT_A, True), ('sensor_spikes', LEFT_A, True)} <= kinds
+    off = repaired.signals[LEFT_A].values - clean.signals[LEFT_A].values
+    assert np.std(off) < 0.05 * np.std(clean.signals[LEFT_A].values)
