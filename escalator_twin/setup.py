@@ -50,6 +50,7 @@ setup(
         'console_scripts': [
             f'simulator = {PACKAGE}.ros.simulator_node:main',
             f'comparator = {PACKAGE}.ros.comparator_node:main',
+            f'ask = {PACKAGE}.ros.ask_node:main',
             f'escalator-twin = {PACKAGE}.cli.main:main',
         ]
     },

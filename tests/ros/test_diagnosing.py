@@ -9,7 +9,7 @@ import pytest
 from escalator_twin.cli.main import main
 from escalator_twin.machine import load_machine
 
-from .conftest import PROTOTYPE, ROOT, TOY
+from .conftest import PROTOTYPE, TOY
 from .programs import program
 from .stand_in import diagnose
 from .test_replay import same
@@ -18,7 +18,6 @@ from .test_simulator import Client, SETTLE_S
 pytestmark = [pytest.mark.ros, pytest.mark.issue(7)]
 
 REFUSING, DYING, ENDLESS = 2, 3, 4  # seeds of the stand-in
-GUIDE_STEP = ROOT / 'bags' / 'sample_guide_step'
 
 
 class Asker(Client):
@@ -218,23 +217,3 @@ def test_simulator_takes_the_extended_machine_over_and_the_next_passage_shows_it
     assert any(abs(before[name]['nrmse'] - after[name]['nrmse']) > 0.01 for name in before)
     # and back: one command
     assert _set_machine(asker, str(TOY)).successful
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_true_diagnosis_in_the_graph_is_that_of_the_command_line(asker, tmp_path):
-    file = tmp_path / 'offline.json'
-    words = ['--machine', str(PROTOTYPE), '--json', str(file), '--seed', '3']
-    assert main(['diagnose', str(GUIDE_STEP), *words]) == 0
-    with program('comparator', tmp_path, machine=PROTOTYPE) as comparator:
-        comparator.wait_for('listening')
-        asker.connect()
-        told = []
-        out = str(tmp_path / 'offline_extended.yaml')
-        _, result = asker.ask(
-            told, 500.0, bags=[str(GUIDE_STEP)], seed=3, jobs=1, extended_machine=out
-        )
-        assert result.success, result.message
-        assert comparator.interrupt() == 0
-    assert told[-1].fraction == 1.0
-    same(json.loads(result.json), json.loads(file.read_text()))

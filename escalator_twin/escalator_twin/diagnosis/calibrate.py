@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from escalator_twin import bagfile
-from escalator_twin.comparison.locate import locate
-from escalator_twin.diagnosis.context import beside, Context, prepare
+from escalator_twin.diagnosis.context import Context, prepare_tolerances, tuned
 from escalator_twin.diagnosis.floor import (
     Floor,
     kind_of,
@@ -24,29 +23,15 @@ from escalator_twin.diagnosis.floor import (
     measure_level,
     write_floor,
 )
-from escalator_twin.diagnosis.loops import all_probes, Frame, simulate_loop
-from escalator_twin.diagnosis.responses import find_knobs, Responses
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
 from escalator_twin.machine import load_machine, Machine
-from escalator_twin.signals import Experiment
 
 SPEEDS_M_S = (0.25, 0.5)  # of the levels: those of the experiment plan
 
 
-def tolerances_only(machine: Machine, experiment: Experiment) -> Responses:
-    """Return responses with tolerances alone: all that fitting the nuisance needs."""
-    speed = experiment.set_speed_m_s
-    frame = Frame.of(machine, speed)
-    base = simulate_loop(machine, experiment, frame, all_probes())
-    knobs = find_knobs(machine, experiment, speed, jobs=2)
-    empty = np.zeros((0, 0), np.complex64)
-    radius = machine.roller.diameter_m / 2.0
-    return Responses(frame, base, knobs, {}, {}, empty, {}, {}, radius)
-
-
 def measure(context: Context) -> tuple[float, dict[str, Level]]:
     """Return the speed and the levels by channel of one recording."""
-    place = beside(context)
+    context, place = tuned(context, jobs=2)
     stage, observation = place.stage, place.stage.observation
     left = stage.residual(place.model)
     left = left - np.tensordot(stage.nuisance.columns, place.fitted.sizes, 1)
@@ -72,9 +57,7 @@ def calibrate(paths: Sequence[str], machine: Machine) -> Floor:
     rows: dict[str, dict[float, list[Level]]] = {}
     for path in paths:
         recording = bagfile.read(path, machine)
-        setting = locate(recording, machine)
-        responses = tolerances_only(machine, setting.experiment)
-        context = prepare(recording, machine, floor, setting=setting, responses=responses)
+        context = prepare_tolerances(recording, machine, floor, jobs=2)
         speed, levels = measure(context)
         nearest = min(SPEEDS_M_S, key=lambda s: abs(np.log(s / speed)))
         for channel, level in levels.items():

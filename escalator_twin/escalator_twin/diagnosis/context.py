@@ -8,13 +8,19 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, Setting
-from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.floor import Floor, kind_of, RATTLE
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.observation import observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted
-from escalator_twin.diagnosis.responses import find_knobs, find_responses, Progress, Responses
+from escalator_twin.diagnosis.responses import (
+    find_knobs,
+    find_responses,
+    Progress,
+    Responses,
+    tolerances_only,
+)
 from escalator_twin.diagnosis.stage import make_stage, run_beside, Stage
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine
@@ -23,6 +29,10 @@ from escalator_twin.signals import Floats, Recording
 
 TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
+STEP_SHARES = (1.0, 0.4)
+ROUNDS = 2  # of taking the tolerances' effect anew
+WORTH_A_ROUND = 0.05  # of chi squared: a round that gains less is the last one
+FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
 
 
 @dataclass(frozen=True)
@@ -39,6 +49,8 @@ class Context:
     floor : Floor
     start_m : float
         Travel from path coordinate 0 of axle 0 to where the twin's run begins.
+    place : Beside or None
+        The machine as described, its tolerances tuned.
     """
 
     recording: Recording
@@ -47,6 +59,7 @@ class Context:
     responses: Responses
     floor: Floor
     start_m: float
+    place: 'Beside | None' = None
 
     @property
     def frame(self) -> Frame:
@@ -81,9 +94,31 @@ def prepare(
     jobs: int = 1,
     progress: Progress | None = None,
     setting: Setting | None = None,
-    responses: Responses | None = None,
 ) -> Context:
-    """Place a recording and find the responses of its experiment.
+    """Place a recording, tune the machine within its tolerances, find what every cause does to it.
+
+    Raises
+    ------
+    RecordingError, SynchronisationError
+        Where the recording cannot be placed.
+    """
+    context = prepare_tolerances(recording, machine, floor, jobs, setting)
+    context, place = tuned(context, jobs=jobs)
+    experiment = context.setting.experiment
+    knobs = knobs_of(machine, experiment)
+    turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
+    responses = find_responses(turned_machine, turned, context.responses.knobs, jobs, progress)
+    return replace(context, responses=responses, place=place)
+
+
+def prepare_tolerances(
+    recording: Recording,
+    machine: Machine,
+    floor: Floor,
+    jobs: int = 1,
+    setting: Setting | None = None,
+) -> Context:
+    """Place a recording and find what the tolerances of the machine as described do.
 
     Raises
     ------
@@ -91,9 +126,9 @@ def prepare(
         Where it cannot be placed.
     """
     setting = setting or locate(recording, machine)
-    if responses is None:
-        responses = find_responses(machine, setting.experiment, jobs, progress)
-    return Context(recording, machine, setting, responses, floor, _start(setting, responses))
+    responses = tolerances_only(machine, setting.experiment, jobs)
+    start = _start(setting, responses)
+    return Context(recording, machine, setting, responses, floor, start)
 
 
 def _start(setting: Setting, responses: Responses) -> float:
@@ -136,14 +171,34 @@ def beside(
         trace = run_beside(*turn_all(machine, setting.experiment, knobs, sizes), setting)
     place = _aligned(context, machine, trace, sizes)
     for _ in range(steps):
-        trial = place.stage.tuned(place.fitted)
-        again = _aligned(context, machine, trial.trace(), trial.turned)
-        gained = place.fitted.chi2 - again.fitted.chi2
-        if gained > 0.0:
-            place = again
-        if gained < TUNED_SHARE * place.fitted.chi2:
+        after = _step(context, machine, place)
+        if after is None:
+            break
+        gained, place = quiet_chi2(place) - quiet_chi2(after), after
+        if gained < TUNED_SHARE * quiet_chi2(place):
             break
     return place
+
+
+def _step(context: Context, machine: Machine, place: Beside) -> Beside | None:
+    """Turn the tolerances by a step, or by a part of it, that explains more; None without one."""
+    before = quiet_chi2(place)
+    for share in STEP_SHARES:
+        trial = place.stage.tuned(place.fitted, share)
+        after = _aligned(context, machine, trial.trace(), trial.turned)
+        if quiet_chi2(after) < before:
+            return after
+    return None
+
+
+def quiet_chi2(place: Beside) -> float:
+    """Return chi squared without the channels that rattling rollers shake by chance."""
+    instruments = place.stage.machine.instruments
+    channels = place.stage.observation.channels
+    left = place.fitted.left().astype(np.float64).reshape(-1, len(channels))
+    quiet = [kind_of(instruments.sensor(c)) not in RATTLE for c in channels]
+    used = place.fitted.sizes + place.fitted.offset
+    return float(np.sum(left[:, quiet] ** 2) + used @ used)
 
 
 def _aligned(
@@ -163,10 +218,67 @@ def _aligned(
 
 
 def with_own_tolerances(
-    context: Context, deviations: tuple[Deviation, ...], jobs: int = 1
+    context: Context,
+    deviations: tuple[Deviation, ...],
+    jobs: int = 1,
+    turned: Mapping[str, float] | None = None,
 ) -> Context:
-    """Return the context whose tolerances act as in the machine with deviations."""
+    """Return the context whose tolerances act as in the machine with deviations.
+
+    ``turned`` holds the tolerances that it has used up, standard deviations.
+    """
     machine = apply(context.machine, deviations)
+    experiment = context.setting.experiment
+    turned_machine, setting = turn_all(
+        machine, experiment, knobs_of(machine, experiment), turned or {}
+    )
     speed = context.responses.frame.speed_m_s
-    knobs = find_knobs(machine, context.setting.experiment, speed, jobs)
+    knobs = find_knobs(turned_machine, setting, speed, jobs)
     return replace(context, responses=replace(context.responses, knobs=knobs))
+
+
+def tuned(
+    context: Context,
+    deviations: tuple[Deviation, ...] = (),
+    jobs: int = 1,
+    turned: Mapping[str, float] | None = None,
+    anew: bool = False,
+) -> tuple[Context, Beside]:
+    """Tune the tolerances of a machine, their effect taken anew where the tuning has led.
+
+    Near a resonance of carriage and chain a tolerance acts otherwise at two standard deviations
+    than at none.
+
+    Parameters
+    ----------
+    context : Context
+    deviations : tuple of Deviation
+    jobs : int
+        Simulations at a time.
+    turned : mapping of tolerance to float, optional
+        Where the tuning begins, standard deviations.
+    anew : bool
+        The deviations change what the tolerances do: take that anew first.
+
+    Returns
+    -------
+    context : Context
+        Whose tolerances act as they do there.
+    place : Beside
+    """
+    if anew:
+        context = with_own_tolerances(context, deviations, jobs, turned)
+    place = beside(context, deviations, turned=turned)
+    for _ in range(ROUNDS - anew):
+        way = {k: place.stage.turned.get(k, 0.0) for k in context.responses.knobs}
+        if max(map(abs, way.values()), default=0.0) < FAR_TURNED:
+            break
+        nearer = with_own_tolerances(context, deviations, jobs, way)
+        after = beside(nearer, deviations, turned=way)
+        gained = quiet_chi2(place) - quiet_chi2(after)
+        if gained <= 0.0:
+            break
+        context, place = nearer, after
+        if gained < WORTH_A_ROUND * quiet_chi2(place):
+            break
+    return context, place

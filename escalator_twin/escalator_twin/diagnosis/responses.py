@@ -111,38 +111,30 @@ class Responses:
 def find_responses(
     machine: Machine,
     experiment: Experiment,
+    knobs: dict[str, Columns],
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Responses:
-    """Simulate one loop for every tolerance and every cause.
+    """Simulate one loop for every cause.
 
     Parameters
     ----------
     machine : Machine
     experiment : Experiment
         ``set_speed_m_s`` is the real speed; a list of loads is taken as its mean.
+    knobs : mapping of name to (n_loop, c) float32
+        What the tolerances do, see ``find_knobs``.
     jobs : int
         Simulations at a time.
     progress : callable, optional
         Gets (done, total) in simulations.
     """
     frame = Frame.of(machine, experiment.set_speed_m_s)
-    n = machine.chain.n_links
     every = all_probes()
-    seen = sensor_probes(machine.instruments.sensors, n)
-    knobs = knobs_of(machine, experiment)
     base = simulate_loop(machine, experiment, frame, every)
     stops = _stop_levels(base)
     is_loaded = max(experiment.load_per_step_kg) > 0.0
     tasks: dict[object, Callable[[], Columns]] = {}
-
-    def knob_task(knob: Knob) -> Callable[[], Columns]:
-        def work() -> Columns:
-            turned, setting = knob.turn(machine, experiment, KNOB_STEP)
-            delta = simulate_loop(turned, setting, frame, seen, (), base.rack_m).columns
-            return (delta - at_sensors(base.columns, seen, n)) / np.float32(KNOB_STEP)
-
-        return work
 
     def cause_task(deviation: Deviation, size: float) -> Callable[[], Columns]:
         def work() -> Columns:
@@ -168,13 +160,11 @@ def find_responses(
         tasks['stop', level] = cause_task(
             Deviation('tensioner_stop', {'displacement_m': level}), 1.0
         )
-    for knob in knobs:
-        tasks['knob', knob.name] = knob_task(knob)
     found = _run(tasks, jobs, progress)
     return Responses(
         frame,
         base,
-        {k.name: found['knob', k.name] for k in knobs},
+        knobs,
         {name: found[name] for name in WHOLE if name in found},
         {name: found[name] for name in ALL_PLACES if name in found},
         found['eccentric', 0] + 1j * found['eccentric', 1],
@@ -182,6 +172,18 @@ def find_responses(
         {level: found['stop', level] for level in stops},
         machine.roller.diameter_m / 2.0,
     )
+
+
+def tolerances_only(machine: Machine, experiment: Experiment, jobs: int = 1) -> Responses:
+    """Return responses with tolerances alone: all that fitting the nuisance needs."""
+    speed = experiment.set_speed_m_s
+    frame = Frame.of(machine, speed)
+    base = simulate_loop(machine, experiment, frame, all_probes())
+    knobs = find_knobs(machine, experiment, speed, jobs)
+    empty = np.zeros((0, 0), np.complex64)
+    return Responses(
+        frame, base, knobs, {}, {}, empty, {}, {}, machine.roller.diameter_m / 2.0
+    )  # fmt: skip
 
 
 def find_knobs(

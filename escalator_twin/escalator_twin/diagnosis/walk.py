@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from escalator_twin.causes.registry import CAUSES
-from escalator_twin.diagnosis.context import Beside, beside, Context, with_own_tolerances
+from escalator_twin.diagnosis.context import (
+    Beside,
+    beside,
+    Context,
+    tuned,
+    with_own_tolerances,
+)
 from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
@@ -118,7 +124,7 @@ def walk(
         Gets a line on each round.
     """
     found: list[Found] = []
-    before = place = freed(beside(context), start)
+    before = place = freed(context.place or beside(context), start)
     weighed: list[Weighed] = []
     for _ in range(MOST_EFFECTS):
         if found and not is_open(place):
@@ -140,14 +146,13 @@ def walk(
         sd = dict(match.sd) if match is not None else dict(top.proposal.sd)
         found.append(Found(top.proposal, top.probability, sd, top.gain, tuple(weighed)))
         proposals_now = [*start, *(f.proposal for f in found)]
-        if top.proposal.cause in MOVES_RESONANCE:
-            devs = tuple(p.deviation for p in proposals_now if of_machine(p))
-            context = with_own_tolerances(context, devs, jobs)
-        after = freed(
-            beside(context, tuple(p.deviation for p in proposals_now if of_machine(p))),
-            proposals_now,
-        )
-        if top.proposal.cause in MOVES_RESONANCE and not shows_in_chain(place, after):
+        deviations = tuple(p.deviation for p in proposals_now if of_machine(p))
+        stood_for = {p.nuisance for p in proposals_now}
+        way = {k: z for k, z in place.stage.turned.items() if k not in stood_for}
+        moves = top.proposal.cause in MOVES_RESONANCE
+        context, after = tuned(context, deviations, jobs, way, anew=moves)
+        after = freed(after, proposals_now)
+        if moves and not shows_in_chain(place, after):
             found.pop()
             break
         place = after
@@ -319,7 +324,7 @@ def realigned(context: Context, place: Beside, refined: Refined) -> Refined:
     deviations = (*known, refined.proposal.deviation)
     try:
         if refined.proposal.cause in MOVES_RESONANCE:
-            context = with_own_tolerances(context, deviations)
+            context = with_own_tolerances(context, deviations, turned=turned)
         anew = beside(context, deviations, turned=turned)
     except EscalatorError:
         return refined
