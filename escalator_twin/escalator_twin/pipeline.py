@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from escalator_twin import bagfile
-from escalator_twin.causes.registry import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.comparison.document import recording_document, SCHEMA
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, RATE_HZ, Setting
@@ -249,7 +249,7 @@ def _accepted(
             'parameters': {name: p['value'] for name, p in e['parameters'].items()},
         }
         for e in effects
-        if CAUSES[e['cause']].of_machine
+        if KNOWN[e['cause']].of_machine
     ]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from escalator_twin.causes import alter_layout, alter_machine, alter_parameters
 from escalator_twin.machine import Machine, MultibodyMachine, Sensor
-from escalator_twin.physics.multibody.layout import lay_out, Layout
+from escalator_twin.physics.multibody.layout import lay_out, Layout, PARTS
 from escalator_twin.physics.multibody.simulation import MultibodySimulation
 from escalator_twin.physics.parameters import make_parameters
 from escalator_twin.physics.path import build_path
@@ -21,7 +21,11 @@ AnySimulation = Simulation | MultibodySimulation
 
 
 def make_simulation(
-    machine: Machine, experiment: Experiment, planar: bool = False, step_s: float | None = None
+    machine: Machine,
+    experiment: Experiment,
+    planar: bool = False,
+    step_s: float | None = None,
+    parts: tuple[str, ...] = PARTS,
 ) -> AnySimulation:
     """Build the simulation of a machine, its deviations applied, in an experiment.
 
@@ -35,6 +39,8 @@ def make_simulation(
         Lump both sides into one.
     step_s : float, optional
         Time step, s; by default that of the machine's kind.
+    parts : tuple of str
+        Of a machine of free bodies: those that run.
 
     Raises
     ------
@@ -45,15 +51,15 @@ def make_simulation(
     """
     altered = alter_machine(machine)
     if isinstance(altered, MultibodyMachine):
-        return MultibodySimulation(altered, _layout(altered, experiment), step_s)
+        return MultibodySimulation(altered, _layout(altered, experiment, parts), step_s)
     parameters = alter_parameters(make_parameters(altered, experiment, planar), altered)
     path = replace(build_path(altered.guide), segments=parameters.segments)
     return Simulation(altered, parameters, path, step_s or STEP_S)
 
 
-def _layout(machine: MultibodyMachine, experiment: Experiment) -> Layout:
+def _layout(machine: MultibodyMachine, experiment: Experiment, parts: tuple[str, ...]) -> Layout:
     """Return the network of a machine, its deviations applied."""
-    return alter_layout(lay_out(machine, experiment), machine)
+    return alter_layout(lay_out(machine, experiment, parts), machine)
 
 
 def run_twin(

@@ -107,7 +107,7 @@ class Chain:
             numeric(tensioner['damping_n_s_m']),
             numeric(sheet['experiment']['preload_n']) * hidden.get('tensioner_preload', 1.0),
             numeric(tensioner['dry_friction_n']) + hidden.get('tensioner_friction', 0.0), RAMP_S,
-            hidden.get('gear_eccentricity', 0.0), 0.0,
+            hidden.get('gear_eccentricity', 0.0), hidden.get('gear_phase', 0.0),
         ])  # fmt: skip
         self.drags = np.zeros(self.n)
         self.drags[int(hidden.get('roller_drag_axle', 0))] = hidden.get('roller_drag', 0.0)

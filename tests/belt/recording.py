@@ -22,7 +22,11 @@ DEFINITIONS = {
     'float64 s\nfloat64 normal_force\n',
     'escalator_msgs/msg/TensionerDisplacement': 'std_msgs/Header header\nfloat64 displacement\n',
 }
-FAULTS = ('gauge_gain', 'gauge_drift', 'gauge_dead', 'accelerometer_misalignment', 'axis_inverted')
+FAULTS = ('gauge_gain', 'gauge_drift', 'gauge_dead', 'accelerometer_misalignment', 'axis_inverted',
+          'data_gap', 'sensor_spikes', 'mains_hum')  # fmt: skip
+GAP_FROM_S = 6.0  # of a hidden gap; its length is the fault's size
+GAIN = 0.005  # of reaction, torque and handrail tension, one standard deviation
+THERMAL = 2e-6  # strain: the largest drift of a gauge
 
 
 def measure(chain, rows, rng, faults):
@@ -40,23 +44,40 @@ def measure(chain, rows, rng, faults):
     gain = faults.get('gauge_gain', 1.0) * (1.0 + rng.normal(0.0, 0.003))
     strain = gain * seen[:, 3:4] / EA_N + rng.uniform(-1e-4, 1e-4, 4)
     strain = strain + faults.get('gauge_drift', 0.0) * np.linspace(0.0, 1.0, n)[:, None]
+    part = np.linspace(0.0, 1.0, n)[:, None]
+    strain = strain + THERMAL * rng.uniform(-0.5, 0.5, 4) * part
+    strain = strain + THERMAL * rng.uniform(-0.25, 0.25, 4) * np.cos(2.0 * np.pi * part)
+    if 'mains_hum' in faults:
+        tone = 2.0 * np.pi * 50.0 * np.arange(n) * EVERY * ROW_S
+        strain = strain + faults['mains_hum'] * np.sin(tone + rng.uniform(0.0, 6.0))[:, None]
     strain = strain + rng.normal(0.0, 0.25e-6, (n, 4))
     if 'gauge_dead' in faults:
         strain[:, int(faults['gauge_dead']) - 1] = strain[0, int(faults['gauge_dead']) - 1]
-    pull, _ = balance(chain.sheet, chain.hidden.get('handrail_drag', 0.0))
-    rail = numeric(chain.sheet['handrail']['speed_m_s'])
-    return {
+    read = {
         'acceleration': felt,
         'strain': strain,
-        'reaction': seen[:, 4] + rng.uniform(-20.0, 20.0) + rng.normal(0.0, 2.0, n),
+        'reaction': scaled(seen[:, 4], rng) + rng.uniform(-20.0, 20.0) + rng.normal(0.0, 2.0, n),
         'displacement': seen[:, 2] + rng.uniform(-5e-3, 5e-3) + rng.normal(0.0, 2e-5, n),
-        'torque': seen[:, 5] + rng.uniform(-5.0, 5.0) + rng.normal(0.0, 2.0, n),
-        'rail_tension': pull + rng.uniform(-10.0, 10.0) + rng.normal(0.0, 2.0, n),
-        'rail_speed': rail + rng.normal(0.0, 0.002, n),
+        'torque': scaled(seen[:, 5], rng) + rng.uniform(-5.0, 5.0) + rng.normal(0.0, 2.0, n),
     }
+    if 'sensor_spikes' in faults:
+        where = rng.choice(np.arange(200, n - 200, 40), int(faults['sensor_spikes']), False)
+        read['torque'][where] += 800.0 * rng.choice([-1.0, 1.0], len(where))
+    if chain.sheet.get('handrail'):
+        pull, _ = balance(chain.sheet, chain.hidden.get('handrail_drag', 0.0))
+        rail = numeric(chain.sheet['handrail']['speed_m_s']) * chain.speed / 0.5
+        pull = scaled(pull, rng) + rng.uniform(-10.0, 10.0)
+        read['rail_tension'] = pull + rng.normal(0.0, 2.0, n)
+        read['rail_speed'] = rail + rng.normal(0.0, 0.002, n)
+    return read
 
 
-def write(path, sheet, read, set_speed_m_s, rng):
+def scaled(values, rng):
+    """Return values as a sensor with a wrong gain, within its tolerance, reads them."""
+    return (1.0 + rng.normal(0.0, GAIN)) * values
+
+
+def write(path, sheet, read, set_speed_m_s, rng, gap_s=0.0):
     """Write readings as a rosbag2 directory; the on-board logger has a clock of its own."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for name, text in DEFINITIONS.items():
@@ -112,9 +133,12 @@ def write(path, sheet, read, set_speed_m_s, rng):
         'rail_speed': ('handrail/speed', 'geometry_msgs/msg/TwistStamped', False, twist),
     }  # fmt: skip
     messages = []
+    topics = {name: row for name, row in topics.items() if name in read}
     for name, (topic, kind, on_board, make_one) in topics.items():
         for i, value in enumerate(read[name]):
             true = i * EVERY * ROW_S
+            if gap_s and name == 'torque' and GAP_FROM_S <= true < GAP_FROM_S + gap_s:
+                continue
             own = offset + true * (1.0 + drift) if on_board else true
             late = 4e-3 + abs(rng.normal(0.0, 1e-3))
             ns = EPOCH_NS + round(own * NS)
@@ -147,5 +171,6 @@ def make_recording(path, sheet, start_m, duration_s, seed, hidden=None, speed_m_
     faults = {name: hidden.pop(name) for name in FAULTS if name in hidden}
     chain = Chain(sheet, hidden, speed_m_s)
     rows = chain.drive(start_m, duration_s)
-    write(path, sheet, measure(chain, rows, rng, faults), 0.5, rng)
+    read = measure(chain, rows, rng, faults)
+    write(path, sheet, read, 0.5, rng, faults.get('data_gap', 0.0))
     return rows

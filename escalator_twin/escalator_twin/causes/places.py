@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from escalator_twin.errors import MachineError
-from escalator_twin.machine import Machine
+from escalator_twin.machine import Machine, MultibodyMachine
 from escalator_twin.physics.course import course_of
 from escalator_twin.physics.parameters import SIDES
 
@@ -99,6 +99,11 @@ def steps_of(machine: Machine) -> Values:
     return tuple(range(machine.chain.n_links))
 
 
+def sides_of(machine: Machine) -> Values:
+    """Return the sides of one roller or link; a planar machine cannot tell them: both, too."""
+    return (*SIDES, BOTH) if isinstance(machine, MultibodyMachine) else SIDES
+
+
 def instrumented_links(machine: Machine) -> Values:
     """Return the names of the sensors of link force."""
     return tuple(s.name for s in machine.instruments.sensors if s.quantity == LINK_FORCE)
@@ -120,7 +125,7 @@ def fields_of(machine: Machine) -> Values:
 LINK = index('link')
 AXLE = index('axle')
 STEP = index('step')
-SIDE = choice('side', lambda _: SIDES)
+SIDE = choice('side', sides_of)
 SIDE_OR_BOTH = choice('side', lambda _: (*SIDES, BOTH))
 STEPS = several('steps', steps_of)
 LANDING = choice('which', lambda _: ('upper',))

@@ -1,6 +1,6 @@
 """From a recording alone: clocks, real speed and the place in the loop where it begins."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,7 +75,15 @@ class Setting:
     findings: tuple[Finding, ...]
 
 
-def locate(recording: Recording, machine: Machine, template: Template | None = None) -> Setting:
+MakeLoop = Callable[[Machine, Experiment], Template]
+
+
+def locate(
+    recording: Recording,
+    machine: Machine,
+    template: Template | None = None,
+    make_loop: MakeLoop | None = None,
+) -> Setting:
     """Find clocks, speed and loop position of a recording.
 
     Parameters
@@ -84,6 +92,8 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     machine : Machine
     template : Template, optional
         One loop of the twin in this experiment; simulated where it is not given.
+    make_loop : callable, optional
+        Simulates that loop, at the speed found; it may leave channels out.
 
     Raises
     ------
@@ -105,7 +115,7 @@ def locate(recording: Recording, machine: Machine, template: Template | None = N
     speed = _speed(tracks, machine, recording)
     experiment = replace(recording.experiment, set_speed_m_s=speed.value)
     if template is None:
-        template = simulate_loop(machine, experiment)
+        template = (make_loop or simulate_loop)(machine, experiment)
     low = {c: lowpass(t.values, BAND_HZ, t.rate_hz) for c, t in tracks.items()}
     place = _first_place(tracks, low, template, speed, recording.path, machine.chain.pitch_m)
     end = max(float(t.time_s[-1]) for t in tracks.values())
@@ -223,7 +233,9 @@ def _first_place(
     loop = dict(zip(template.channels, template.values.T, strict=True))
     start = min(first.values())
     shifted = {
-        c: np.roll(loop[c], -round((first[c] - start) / template.spacing_m)) for c in measured
+        c: np.roll(loop[c], -round((first[c] - start) / template.spacing_m))
+        for c in measured
+        if c in loop
     }
     place = find_place(measured, shifted, template.spacing_m, pitch_m)
     return replace(place, start_m=place.start_m - start)

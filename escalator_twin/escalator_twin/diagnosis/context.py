@@ -127,11 +127,11 @@ def prepare_tolerances(
     """
     setting = setting or locate(recording, machine)
     responses = tolerances_only(machine, setting.experiment, jobs)
-    start = _start(setting, responses)
+    start = start_in(setting, responses)
     return Context(recording, machine, setting, responses, floor, start)
 
 
-def _start(setting: Setting, responses: Responses) -> float:
+def start_in(setting: Setting, responses: Responses) -> float:
     """Return the travel in the responses' loop at which the twin's run begins."""
     frame, base = responses.frame, responses.base
     direction = setting.experiment.direction

@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from escalator_twin.causes.registry import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.comparison.judge import judge
+from escalator_twin.diagnosis.bodies.context import prepare as prepare_bodies
+from escalator_twin.diagnosis.bodies.running import whole_trace
+from escalator_twin.diagnosis.bodies.search import FREE_BODIES
 from escalator_twin.diagnosis.context import Context, prepare
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
@@ -17,9 +20,9 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.unexplained import look, Unexplained
 from escalator_twin.diagnosis.verdict import ALIKE, Weighed
-from escalator_twin.diagnosis.walk import Found, of_machine, walk, Walked
-from escalator_twin.errors import NotYetError
-from escalator_twin.machine import Deviation, Machine
+from escalator_twin.diagnosis.walk import Bench, Found, LINKED, of_machine, walk, Walked
+from escalator_twin.machine import Deviation, Machine, MultibodyMachine
+from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Recording
 
 ENOUGH = 0.5  # of the energy above the floor that the effects must account for to be named
@@ -84,13 +87,10 @@ def diagnose_recording(
         if progress is not None:
             progress(1.0 + 5.0 * done / total, STAGES)
 
-    if not hasattr(machine.guide, 'channel_clearance_m'):
-        raise NotYetError(f'diagnose: {machine.name}: not yet for machines of {machine.physics}')
-    context = prepare(recording, machine, load_floor(machine), jobs, tell)
-    trace = run_beside(machine, context.setting.experiment, context.setting)
+    context, trace, bench = _placed(recording, machine, jobs, tell)
     judgement = judge(context.setting, trace, machine)
     document = recording_document(recording, context.setting, judgement, machine)
-    walked = walk(context, jobs)
+    walked = walk(context, jobs, bench=bench)
     if progress is not None:
         progress(9.0, STAGES)
     faults = tuple(faults_of(context.setting, machine))
@@ -110,6 +110,18 @@ def diagnose_recording(
         held,
         faults,
     )
+
+
+def _placed(
+    recording: Recording, machine: Machine, jobs: int, tell: Progress
+) -> tuple[Context, Trace, Bench]:
+    """Place a recording; return it, the machine's run beside it, and what its kind needs."""
+    floor = load_floor(machine)
+    if isinstance(machine, MultibodyMachine):
+        found = prepare_bodies(recording, machine, floor, jobs, tell)
+        return found, whole_trace(machine, found.runs), FREE_BODIES
+    context = prepare(recording, machine, floor, jobs, tell)
+    return context, run_beside(machine, context.setting.experiment, context.setting), LINKED
 
 
 def settle(
@@ -139,7 +151,7 @@ def settle(
 def _told(found: Found, probability: float) -> dict[str, Any]:
     """Return an effect as contracts.md tells it."""
     proposal = found.proposal
-    cause = CAUSES[proposal.cause]
+    cause = KNOWN[proposal.cause]
     parameters = {}
     for parameter in cause.parameters:
         if parameter.name not in proposal.parameters or parameter.name in HIDDEN:
@@ -169,7 +181,7 @@ SHAPES = {('guide_step', 'length_m')}  # not among the numbers of contracts.md
 def _spread(found: Found, name: str, value: float) -> float:
     """Return one standard deviation of a parameter: fit, tolerance of the own value, law."""
     proposal = found.proposal
-    parameter = next(p for p in CAUSES[proposal.cause].parameters if p.name == name)
+    parameter = next(p for p in KNOWN[proposal.cause].parameters if p.name == name)
     sd = found.sd.get(name, 0.0)
     neutral = parameter.neutral if parameter.neutral is not None else value
     size = value - neutral if np.isfinite(neutral) else 0.0

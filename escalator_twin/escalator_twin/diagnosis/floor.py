@@ -46,17 +46,37 @@ class Level:
         Variance over the sensor's.
     lines : (h,) float64
         Mean square at each multiple of the pitch, SI squared.
+    mean : (float, float), optional
+        What the mean of a good machine's channel is above the twin's, and its scatter, SI; None
+        where the mean is a zero of the instrument.
     """
 
     smooth: Floats
     lines: Floats
+    mean: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Levels by kind of channel and speed, m/s."""
+    """Levels by kind of channel and speed, m/s.
+
+    Attributes
+    ----------
+    levels : mapping of kind to mapping of speed to Level
+    clean : (float, float), optional
+        Mean and standard deviation, over channels and good machines, of the logarithm of chi
+        squared per coefficient over the floor.
+    """
 
     levels: Mapping[str, Mapping[float, Level]]
+    clean: tuple[float, float] | None = None
+
+    def mean_of(self, sensor: Sensor, speed_m_s: float) -> tuple[float, float] | None:
+        """Return what a channel's mean is above the twin's, and its scatter, SI; None unknown."""
+        levels = self.levels.get(kind_of(sensor))
+        if not levels:
+            return None
+        return levels[min(levels, key=lambda s: abs(np.log(s / speed_m_s)))].mean
 
     def variance(
         self, sensor: Sensor, sensor_variance: float, orders: Floats, speed_m_s: float, n: int
@@ -160,11 +180,18 @@ def read_floor(path: Path) -> Floor:
         raise MachineError(f'{path}: schema: expected {SCHEMA!r}')
     levels: dict[str, dict[float, Level]] = {}
     for row in data['levels']:
-        level = Level(np.array(row['smooth'], float), np.array(row['lines'], float))
+        level = Level(
+            np.array(row['smooth'], float), np.array(row['lines'], float), _pair(row.get('mean'))
+        )
         if len(level.smooth) != len(ORDERS) - 1:
             raise MachineError(f'{path}: smooth: expected {len(ORDERS) - 1} numbers')
         levels.setdefault(row['kind'], {})[float(row['speed_m_s'])] = level
-    return Floor(levels)
+    return Floor(levels, _pair(data.get('clean')))
+
+
+def _pair(found: list[float] | None) -> tuple[float, float] | None:
+    """Return a mean and a standard deviation, where a file gives them."""
+    return None if found is None else (float(found[0]), float(found[1]))
 
 
 def write_floor(path: Path, floor: Floor, source: str) -> None:
@@ -175,9 +202,12 @@ def write_floor(path: Path, floor: Floor, source: str) -> None:
             'speed_m_s': speed,
             'smooth': [float(f'{v:.3g}') for v in level.smooth],
             'lines': [float(f'{v:.3g}') for v in level.lines],
+            **({'mean': [float(f'{v:.3g}') for v in level.mean]} if level.mean else {}),
         }
         for kind, levels in floor.levels.items()
         for speed, level in levels.items()
     ]
-    text = yaml.safe_dump({'schema': SCHEMA, 'levels': rows}, sort_keys=False, width=100)
+    clean = {'clean': [float(f'{v:.3g}') for v in floor.clean]} if floor.clean else {}
+    whole = {'schema': SCHEMA, **clean, 'levels': rows}
+    text = yaml.safe_dump(whole, sort_keys=False, width=100)
     path.write_text(f'# {source}\n{text}', encoding='utf-8')

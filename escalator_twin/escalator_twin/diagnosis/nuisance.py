@@ -1,5 +1,6 @@
 """What is never an effect: tolerances, zeros, gains, drifts, poses, course and clocks."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +50,25 @@ def make_nuisance(
     responses : Responses
     machine : Machine
     """
+    wrapped = observation.index % observation.frame.n_loop
+    order = _positions(observation, machine)
+    knobs = {name: found[wrapped][:, order] for name, found in responses.knobs.items()}
+    return nuisance_of(observation, model, knobs, machine)
+
+
+def nuisance_of(
+    observation: Observation,
+    model: Floats,
+    knobs: Mapping[str, np.ndarray],
+    machine: Machine,
+    zeros: Mapping[str, float] | None = None,
+) -> Nuisance:
+    """Return the nuisance from what one standard deviation of every tolerance does, (n, c).
+
+    ``zeros`` gives one standard deviation of the mean of the channels whose mean says something.
+    """
     n, c = model.shape
+    known = zeros or {}
     names: list[str] = []
     columns: list[np.ndarray] = []
 
@@ -62,10 +81,8 @@ def make_nuisance(
         names.append(name)
         columns.append(whole)
 
-    wrapped = observation.index % observation.frame.n_loop
-    order = _positions(observation, machine)
-    for name, response in responses.knobs.items():
-        add(name, response[wrapped][:, order])
+    for name, response in knobs.items():
+        add(name, response)
     speed = observation.frame.speed_m_s
     slope = CubicSpline(observation.travel_m, model)(observation.travel_m, 1)
     add('course', SHIFT_M * slope)
@@ -96,7 +113,9 @@ def make_nuisance(
     for axis, turned in rotations(observation, model, machine).items():
         add(f'rotation/{axis}', turned)
     for k, channel in enumerate(observation.channels):
-        if machine.instruments.sensor(channel).rotation_tol_deg > 0.0:
+        if channel in known:
+            add(f'{channel}/zero', np.full(n, known[channel]), k)
+        elif machine.instruments.sensor(channel).rotation_tol_deg > 0.0:
             add(f'{channel}/zero', np.full(n, FREE * 1e-3), k)
         else:
             add(f'{channel}/zero', np.full(n, FREE * max(float(np.std(model[:, k])), 1e-9)), k)
@@ -157,5 +176,6 @@ def rotations(observation: Observation, model: Floats, machine: Machine) -> dict
         for j, other in enumerate('xyz'):
             if other in axes:
                 whole[:, axes[other]] = change[:, j]
-        turned[axis] = whole
+        if whole.any():  # a planar machine's sensor is not seen to turn out of its plane
+            turned[axis] = whole
     return turned

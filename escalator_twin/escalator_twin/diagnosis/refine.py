@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from escalator_twin.causes.registry import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import Fitted, inner_products
 from escalator_twin.diagnosis.stage import Stage
@@ -86,7 +86,7 @@ def value_of(proposal: Proposal, key: str) -> float:
 def changed(proposal: Proposal, values: Mapping[str, float], length_m: float) -> Proposal:
     """Return a proposal with other numbers, within the bounds of its cause."""
     parameters, location = dict(proposal.parameters), dict(proposal.location)
-    bounds = {p.name: (p.low, p.high) for p in CAUSES[proposal.cause].parameters}
+    bounds = {p.name: (p.low, p.high) for p in KNOWN[proposal.cause].parameters}
     for key, value in values.items():
         if key.startswith('@'):
             location[key[1:]] = float(np.clip(value, 0.0, length_m))
@@ -237,7 +237,7 @@ def _nudge(proposal: Proposal, key: str, value: float, neutral: float | None) ->
 
 def _neutral(stage: Stage, proposal: Proposal, key: str) -> float | None:
     """Return the value at which the base is what it is."""
-    bound = {p.name: p.neutral for p in CAUSES[proposal.cause].parameters}
+    bound = {p.name: p.neutral for p in KNOWN[proposal.cause].parameters}
     neutral = bound.get(key)
     if neutral is None or neutral == inf:
         return None

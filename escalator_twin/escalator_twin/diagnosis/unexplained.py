@@ -7,6 +7,7 @@ import numpy as np
 from scipy import fft
 
 from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.view import View
 from escalator_twin.diagnosis.whitening import frequencies, TEMPERATURE
 from escalator_twin.signals import Floats
@@ -17,6 +18,7 @@ CLEAN_LOG, CLEAN_SD = -0.15, 0.22
 SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
+NO_PROBES = np.zeros((0, 3), np.int64)
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
 
 
@@ -48,9 +50,15 @@ def by_channel(place: Beside) -> Floats:
     return np.asarray(TEMPERATURE * np.mean(left**2, axis=0))
 
 
-def is_open(place: Beside) -> bool:
+def clean_of(floor: Floor) -> tuple[float, float]:
+    """Return mean and scatter of the logarithm of chi squared in good machines."""
+    return floor.clean or (CLEAN_LOG, CLEAN_SD)
+
+
+def is_open(place: Beside, floor: Floor) -> bool:
     """Tell whether any channel holds more than a good machine's usually does."""
-    return bool((by_channel(place) > np.exp(CLEAN_LOG + OPEN_SIGMAS * CLEAN_SD)).any())
+    level, scatter = clean_of(floor)
+    return bool((by_channel(place) > np.exp(level + OPEN_SIGMAS * scatter)).any())
 
 
 def look(context: Context, before: Beside, after: Beside) -> Unexplained:
@@ -63,8 +71,9 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
         The machine as described, and with its effects.
     """
     first, last = by_channel(before), by_channel(after)
-    limit = float(np.exp(CLEAN_LOG + SIGMAS * CLEAN_SD))
-    floor = float(np.exp(CLEAN_LOG))
+    level, scatter = clean_of(context.floor)
+    limit = float(np.exp(level + SIGMAS * scatter))
+    floor = float(np.exp(level))
     significant = bool((last > limit).any())
     excess = float(np.maximum(last - floor, 0.0).sum())
     whole = float(np.maximum(first - floor, 0.0).sum())
@@ -104,9 +113,8 @@ def signature_of(context: Context, place: Beside, chi2: Floats, floor: float) ->
     if loop is not None and loop <= SAME_LOOP and comb <= 0.5:
         locked.append('time')
     energy = np.convolve(time[:, main] ** 2, np.ones(25) / 25.0, 'same')
-    view = View.of(
-        context.machine, observation, context.responses, context.setting.experiment.direction
-    )
+    # a place needs no probes
+    view = View(observation, context.responses, context.setting.experiment.direction, NO_PROBES)
     at = int(np.argmax(energy))
     return {
         'channels': {

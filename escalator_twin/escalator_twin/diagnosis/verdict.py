@@ -11,7 +11,7 @@ from math import exp, inf, log
 
 import numpy as np
 
-from escalator_twin.causes.registry import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
 
 # What one more free number of a cause costs, nats: half the logarithm of the ratio of its prior
@@ -49,7 +49,7 @@ class Weighed:
 def size_in_tolerances(proposal: Proposal) -> float:
     """Return how many tolerances a proposal's size is from neutral; infinity without one."""
     total, known = 0.0, False
-    for parameter in CAUSES[proposal.cause].sizes:
+    for parameter in KNOWN[proposal.cause].sizes:
         if parameter.tolerance is None or parameter.neutral is None:
             continue
         if parameter.name in proposal.parameters:

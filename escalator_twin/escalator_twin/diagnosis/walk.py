@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from escalator_twin.causes.registry import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import (
     Beside,
     beside,
@@ -105,11 +105,35 @@ class Walked:
 
 def of_machine(proposal: Proposal) -> bool:
     """Tell whether a proposal is of the machine, and not of its measurement."""
-    return CAUSES[proposal.cause].of_machine
+    return KNOWN[proposal.cause].of_machine
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What the walk asks of a kind of machine.
+
+    Attributes
+    ----------
+    propose : callable
+        Takes context, comparison and simulations at a time; returns proposals, best first.
+    simulate : callable
+        Takes the same with proposals before the last; returns them refined by the twin.
+    anew : callable
+        Takes context, deviations, simulations at a time, tolerances to begin with, and whether
+        the deviations change what tolerances do; returns context and comparison with them.
+    """
+
+    propose: Callable[[Context, Beside, int], list[Proposal]]
+    simulate: Callable[[Context, Beside, Sequence[Proposal], int], list[Refined]]
+    anew: Callable[..., tuple[Context, Beside]]
 
 
 def walk(
-    context: Context, jobs: int = 1, start: Sequence[Proposal] = (), say: Say | None = None
+    context: Context,
+    jobs: int = 1,
+    start: Sequence[Proposal] = (),
+    say: Say | None = None,
+    bench: 'Bench | None' = None,
 ) -> Walked:
     """Find the effects in one recording.
 
@@ -122,16 +146,19 @@ def walk(
         Effects that are known already.
     say : callable, optional
         Gets a line on each round.
+    bench : Bench, optional
+        Of the machine's kind; that of linked chains where it is not given.
     """
+    bench = bench or LINKED
     found: list[Found] = []
     before = place = freed(context.place or beside(context), start)
     weighed: list[Weighed] = []
     for _ in range(MOST_EFFECTS):
-        if found and not is_open(place):
+        if found and not is_open(place, context.floor):
             break
-        proposals = propose(context, place, jobs)
+        proposals = bench.propose(context, place, jobs)
         contenders = choose(proposals)
-        refined = simulate(context, place, contenders, jobs)
+        refined = bench.simulate(context, place, contenders, jobs)
         weighed = weigh(_candidates(proposals, refined))
         if say is not None:
             for row in weighed[:4]:
@@ -150,7 +177,7 @@ def walk(
         stood_for = {p.nuisance for p in proposals_now}
         way = {k: z for k, z in place.stage.turned.items() if k not in stood_for}
         moves = top.proposal.cause in MOVES_RESONANCE
-        context, after = tuned(context, deviations, jobs, way, anew=moves)
+        context, after = bench.anew(context, deviations, jobs, way, anew=moves)
         after = freed(after, proposals_now)
         if moves and not shows_in_chain(place, after):
             found.pop()
@@ -373,3 +400,6 @@ def _candidates(
 
 def _place(proposal: Proposal) -> str:
     return ', '.join(f'{k}={v}' for k, v in sorted(proposal.location.items()) if k != 's_m')
+
+
+LINKED = Bench(propose, simulate, tuned)

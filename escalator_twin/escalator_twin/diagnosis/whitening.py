@@ -1,5 +1,6 @@
 """Noise of every channel by frequency, and what it makes of signals on the grid."""
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,8 +60,16 @@ def sensor_variance(sensor: Sensor, rate_hz: float) -> float:
     return one * rate_hz / sensor.rate_hz
 
 
-def make_whitener(observation: Observation, machine: Machine, floor: Floor) -> Whitener:
-    """Return the whitener of an observation: the sensors' noise and the twin's own error."""
+def make_whitener(
+    observation: Observation,
+    machine: Machine,
+    floor: Floor,
+    means: Container[str] = (),
+) -> Whitener:
+    """Return the whitener of an observation: the sensors' noise and the twin's own error.
+
+    ``means`` holds the channels whose mean counts; of all others it is a zero of the instrument.
+    """
     frame, n = observation.frame, len(observation.index)
     f = frequencies(n, frame.rate_hz)
     orders = f * frame.pitch_m / frame.speed_m_s
@@ -69,6 +78,6 @@ def make_whitener(observation: Observation, machine: Machine, floor: Floor) -> W
         sensor = machine.instruments.sensor(channel)
         own = sensor_variance(sensor, frame.rate_hz)
         weight[:, k] = 1.0 / np.sqrt(floor.variance(sensor, own, orders, frame.speed_m_s, n))
-    weight[0] = 0.0  # the mean: a zero of the instrument
+    weight[0] *= [channel in means for channel in observation.channels]
     weight /= TEMPERATURE**0.5
     return Whitener(observation.valid.astype(np.float32), weight.astype(np.float32))

@@ -1,0 +1,1 @@
+"""Diagnosis of machines of free bodies: every cause is run once beside the recording."""

@@ -1,0 +1,124 @@
+"""Measure the twin's own error on recordings of good machines of free bodies.
+
+    python -m escalator_twin.diagnosis.bodies.calibrate BAG... --machine M [--out FLOOR.yaml]
+
+The recordings must be of good machines by another program; their truth is not read.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from escalator_twin import bagfile
+from escalator_twin.diagnosis.bodies.context import aligned, BodyContext, prepare, ZEROS
+from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.floor import (
+    Floor,
+    kind_of,
+    Level,
+    mean_level,
+    measure_level,
+    write_floor,
+)
+from escalator_twin.diagnosis.unexplained import by_channel
+from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
+from escalator_twin.machine import load_machine, Machine
+from escalator_twin.signals import Floats
+
+PASSES = 2  # the second weighs by the floor of the first
+Rows = list[tuple[Level, float]]
+
+
+def measure(context: BodyContext) -> dict[str, tuple[Level, float]]:
+    """Return every channel's level, and what its mean is above the twin's, in one recording."""
+    place = aligned(context, context.machine, context.base)
+    stage, observation = place.stage, place.stage.observation
+    rate, n = observation.frame.rate_hz, len(observation.index)
+    orders = frequencies(n, rate) * observation.frame.pitch_m / observation.frame.speed_m_s
+    left = _left(place)
+    waves = stage.whiten((left - left.mean(axis=0))[:, :, None])
+    weight = np.where(stage.whiten.weight > 0.0, stage.whiten.weight, np.inf)
+    coefficients = waves.reshape(len(weight), -1) / weight
+    found = {}
+    for k, channel in enumerate(observation.channels):
+        sensor = context.machine.instruments.sensor(channel)
+        own = sensor_variance(sensor, rate)
+        white = coefficients[:, k].astype(np.float64) / own**0.5
+        found[channel] = measure_level(white, orders, own, n), float(left[:, k].mean())
+    return found
+
+
+def _left(place: Beside) -> Floats:
+    """Return measured less simulated, all nuisance but the zeros taken out, means kept."""
+    stage = place.stage
+    names = stage.nuisance.names
+    sizes = place.fitted.sizes * [not name.endswith('/zero') for name in names]
+    difference = stage.observation.measured - place.model
+    return np.asarray(difference - np.tensordot(stage.nuisance.columns, sizes, 1))
+
+
+def floor_of(contexts: Sequence[BodyContext], machine: Machine) -> Floor:
+    """Measure the floor on several prepared recordings."""
+    floor = Floor({})
+    for _ in range(PASSES):
+        rows: dict[str, Rows] = {}
+        speeds = []
+        for context in contexts:
+            speeds.append(context.setting.experiment.set_speed_m_s)
+            for channel, row in measure(replace(context, floor=floor)).items():
+                rows.setdefault(channel, []).append(row)
+        speed = round(float(np.mean(speeds)), 3)
+        levels = {}
+        for channel, found in rows.items():
+            sensor = machine.instruments.sensor(channel)
+            level = mean_level([level for level, _ in found])
+            if sensor.quantity not in ZEROS:
+                level = replace(level, mean=_mean([mean for _, mean in found]))
+            levels[kind_of(sensor)] = {speed: level}
+        # means only weigh once all is measured: they must not bend what tolerances explain
+        bare = {
+            kind: {s: replace(level, mean=None) for s, level in by_speed.items()}
+            for kind, by_speed in levels.items()
+        }
+        floor = Floor(bare)
+    floor = Floor(levels)
+    places = [aligned(replace(c, floor=floor), machine, c.base) for c in contexts]
+    logs = np.log([by_channel(place) for place in places])
+    return replace(floor, clean=(float(logs.mean()), float(logs.std())))
+
+
+def _mean(means: Sequence[float]) -> tuple[float, float]:
+    """Return mean and scatter of a further machine's mean, the mean's own doubt in it."""
+    n = len(means)
+    scatter = float(np.std(means, ddof=1)) if n > 1 else abs(means[0])
+    return float(np.mean(means)), scatter * (1.0 + 1.0 / n) ** 0.5
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('bags', nargs='+', metavar='BAG')
+    parser.add_argument('--machine', default='config/machines/kwon.yaml')
+    parser.add_argument('--out', type=Path)
+    parser.add_argument('--jobs', type=int, default=1)
+    given = parser.parse_args()
+    machine = load_machine(given.machine)
+    assert machine.source is not None
+    out = given.out or machine.source.with_name(f'{machine.name}_floor.yaml')
+    contexts = []
+    for bag in given.bags:
+        recording = bagfile.read(bag, machine)
+        contexts.append(prepare(recording, machine, Floor({}), given.jobs, causes=False))
+        print(bag, flush=True)
+    text = (
+        f'What is left between the twin and {len(given.bags)} generated good machines '
+        f'(synthetic: tests/belt), by escalator_twin.diagnosis.bodies.calibrate.'
+    )
+    write_floor(out, floor_of(contexts, machine), text)
+
+
+if __name__ == '__main__':
+    main()

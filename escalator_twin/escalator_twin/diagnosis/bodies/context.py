@@ -1,0 +1,259 @@
+"""A recording of a machine of free bodies, placed, and what every cause would do to it."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from math import pi
+
+import numpy as np
+
+from escalator_twin.causes.application import apply
+from escalator_twin.comparison.judge import judge
+from escalator_twin.comparison.locate import locate, Setting
+from escalator_twin.diagnosis.bodies.everywhere import Everywhere, run_everywhere
+from escalator_twin.diagnosis.bodies.running import HANDRAIL, part_of, Runs
+from escalator_twin.diagnosis.bodies.stage import BodyStage
+from escalator_twin.diagnosis.context import Beside, Context, start_in
+from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.knobs import knobs_of
+from escalator_twin.diagnosis.loops import Frame, Loop
+from escalator_twin.diagnosis.nuisance import nuisance_of
+from escalator_twin.diagnosis.observation import observe, on_grid
+from escalator_twin.diagnosis.responses import Responses
+from escalator_twin.diagnosis.whitening import make_whitener
+from escalator_twin.machine import Deviation, Machine, Sensor
+from escalator_twin.physics.course import course_of
+from escalator_twin.physics.rollout import Trace
+from escalator_twin.signals import Experiment, Recording
+from escalator_twin.sync.template import Template
+
+Progress = Callable[[float, float], None]
+
+# Causes without an index, each run once at about its reference beside the recording.
+WHOLE: dict[str, tuple[Deviation, float]] = {
+    'tensioner_friction': (Deviation('tensioner_friction', {'force_N': 150.0}), 150.0),
+    'chain_elongation': (
+        Deviation('chain_elongation', {'length_m': 1.5e-4}, {'side': 'both'}), 1.5e-4,
+    ),
+    'gear_eccentricity/cos': (
+        Deviation(
+            'gear_eccentricity', {'amplitude_m': 1e-3, 'phase_rad': 0.0}, {'which': 'upper'}
+        ),
+        1e-3,
+    ),
+    'gear_eccentricity/sin': (
+        Deviation(
+            'gear_eccentricity', {'amplitude_m': 1e-3, 'phase_rad': 0.5 * pi}, {'which': 'upper'}
+        ),
+        1e-3,
+    ),
+    'handrail_drag': (Deviation('handrail_drag', {'force_N': 150.0}), 150.0),
+}  # fmt: skip
+# Causes at every index, run once at index 0.
+PLACES: dict[str, tuple[Deviation, float]] = {
+    'roller_drag': (
+        Deviation('roller_drag', {'force_N': 120.0}, {'axle': 0, 'side': 'both'}), 120.0,
+    ),
+    'link_elongation': (Deviation('link_elongation', {'length_m': 5e-4}, {'link': 0}), 5e-4),
+}  # fmt: skip
+# contracts.md: means of link force, tensioner and acceleration are zeros of instruments
+ZEROS = ('link_force', 'carriage_displacement', 'step_acceleration')
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyContext(Context):
+    """A context whose responses were run beside the recording.
+
+    Attributes
+    ----------
+    runs : Runs
+    base : Trace
+        The machine as described.
+    knobs : mapping of tolerance to Trace
+        The machine with one standard deviation of it.
+    whole : mapping of name in ``WHOLE`` to Trace
+    places : mapping of cause in ``PLACES`` to (n_loop, k) float32
+        Change per unit of size, the cause at index 0.
+    blocks : mapping of channel to slice
+        Columns of ``places``.
+    """
+
+    runs: Runs
+    base: Trace
+    knobs: Mapping[str, Trace]
+    whole: Mapping[str, Trace]
+    places: Mapping[str, np.ndarray]
+    blocks: dict[str, slice]
+
+
+def prepare(
+    recording: Recording,
+    machine: Machine,
+    floor: Floor,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    causes: bool = True,
+) -> BodyContext:
+    """Place a recording and run every tolerance, and every cause, once.
+
+    Parameters
+    ----------
+    recording : Recording
+    machine : Machine
+    floor : Floor
+    jobs : int
+        Simulations at a time.
+    progress : callable, optional
+        Gets (done, total) in simulations.
+    causes : bool
+        Otherwise only what tolerances do.
+
+    Raises
+    ------
+    RecordingError, SynchronisationError
+        Where the recording cannot be placed.
+    """
+    length = course_of(machine).length_m
+    loops: list[Everywhere] = []
+
+    def make_loop(machine: Machine, experiment: Experiment) -> Template:
+        loops.append(run_everywhere(machine, experiment, length))
+        return loops[-1].template(machine)
+
+    setting = locate(recording, machine, make_loop=make_loop)
+    frame = Frame.of(machine, loops[-1].speed_m_s)
+    runs = Runs(setting)
+    found = _run(_tasks(machine, setting, runs, loops[-1], causes), jobs, progress)
+    direction = setting.experiment.direction
+    base = Loop(
+        loops[-1].on_loop(frame), loops[-1].place_on(frame, length), length * direction, 0.0
+    )
+    empty = np.zeros((0, 0), np.complex64)
+    responses = Responses(
+        frame, base, {}, {}, {}, empty, {}, {}, machine.roller.diameter_m / 2.0
+    )  # fmt: skip
+    places = {}
+    for name, (_, size) in PLACES.items():
+        if ('place', name) in found:
+            run = found['place', name]
+            assert isinstance(run, Everywhere)
+            places[name] = (run.on_loop(frame) - base.columns) / np.float32(size)
+    context = BodyContext(
+        recording, machine, setting, responses, floor, start_in(setting, responses),
+        runs=runs, base=_trace(found['base', '']),
+        knobs={name: _trace(run) for (kind, name), run in found.items() if kind == 'knob'},
+        whole={name: _trace(run) for (kind, name), run in found.items() if kind == 'whole'},
+        places=places, blocks=loops[-1].blocks,
+    )  # fmt: skip
+    return replace(context, place=aligned(context, machine, context.base))
+
+
+Task = Callable[[], 'Trace | Everywhere']
+
+
+def _trace(run: 'Trace | Everywhere') -> Trace:
+    assert isinstance(run, Trace)
+    return run
+
+
+def _tasks(
+    machine: Machine, setting: Setting, runs: Runs, loop: Everywhere, causes: bool
+) -> dict[tuple[str, str], Task]:
+    """Return all simulations of a recording, by kind and name."""
+    experiment = setting.experiment
+    tasks: dict[tuple[str, str], Task] = {('base', ''): lambda: runs.trace(machine)}
+
+    def knob_task(name: str) -> Task:
+        knob = next(k for k in knobs_of(machine, experiment) if k.name == name)
+
+        def work() -> Trace:
+            turned, other = knob.turn(machine, experiment, 1.0)
+            return runs.trace(turned, other)
+
+        return work
+
+    for knob in knobs_of(machine, experiment):
+        tasks['knob', knob.name] = knob_task(knob.name)
+    if not causes:
+        return tasks
+    rail = any(part_of(s) == HANDRAIL for s in machine.instruments.sensors)
+    for name, (deviation, _) in WHOLE.items():
+        if name != 'handrail_drag' or rail:
+            tasks['whole', name] = partial(_deviated, runs, machine, deviation)
+    length = course_of(machine).length_m
+    at = replace(experiment, set_speed_m_s=loop.speed_m_s)
+    for name, (deviation, _) in PLACES.items():
+        tasks['place', name] = partial(run_everywhere, machine, at, length, (deviation,))
+    return tasks
+
+
+def _deviated(runs: Runs, machine: Machine, deviation: Deviation) -> Trace:
+    return runs.trace(apply(machine, (deviation,)))
+
+
+def _run(
+    tasks: dict[tuple[str, str], Task], jobs: int, progress: Progress | None
+) -> 'dict[tuple[str, str], Trace | Everywhere]':
+    """Run simulations in threads: the compiled loop holds no interpreter lock."""
+    found = {}
+    first, *rest = tasks  # the first compiles, and runs the handrail that the others share
+    found[first] = tasks[first]()
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        for name, run in zip(rest, pool.map(lambda n: tasks[n](), rest), strict=True):
+            found[name] = run
+            if progress is not None:
+                progress(len(found), len(tasks))
+    return found
+
+
+def aligned(context: BodyContext, machine: Machine, trace: Trace) -> Beside:
+    """Align a recording with a run, and fit what it leaves."""
+    setting = context.setting
+    speed = setting.experiment.set_speed_m_s
+    judgement = judge(setting, trace, machine, with_scores=False)
+    observation = observe(setting, judgement, machine, context.frame, context.start_m)
+    columns = {s.channel: i for i, s in enumerate(machine.instruments.sensors)}
+    model = on_grid(trace, speed, observation, columns)
+    base = on_grid(context.base, speed, observation, columns)
+    knobs = {
+        name: on_grid(turned, speed, observation, columns) - base
+        for name, turned in context.knobs.items()
+    }
+    sensors = [machine.instruments.sensor(channel) for channel in observation.channels]
+    above, zeros = {}, {}
+    for k, sensor in enumerate(sensors):
+        known = context.floor.mean_of(sensor, speed)
+        if known is not None and sensor.quantity not in ZEROS:
+            above[sensor.channel] = known[0]
+            zeros[sensor.channel] = mean_spread(sensor, known[1], float(model[:, k].mean()))
+    nuisance = nuisance_of(observation, model, knobs, machine, zeros)
+    whiten = make_whitener(observation, machine, context.floor, zeros)
+    stage = BodyStage(
+        machine, setting, observation, nuisance, whiten, whiten(nuisance.columns),
+        knobs_of(machine, setting.experiment), {}, trace.rack_m, runs=context.runs, above=above,
+    )  # fmt: skip
+    return Beside(stage, judgement, model, stage.fit(model))
+
+
+def mean_spread(sensor: Sensor, scatter: float, mean: float) -> float:
+    """Return one standard deviation of the mean of a channel in good machines, SI.
+
+    ``scatter`` was measured on recordings, the zeros of their instruments in it.
+    """
+    zero = sensor.zero * abs(sensor.scale) / 3.0**0.5  # drawn evenly up to the largest
+    return float(np.hypot(max(scatter, zero), sensor.gain_tol * mean))
+
+
+def again(
+    context: Context,
+    deviations: tuple[Deviation, ...] = (),
+    jobs: int = 1,
+    turned: Mapping[str, float] | None = None,
+    anew: bool = False,
+) -> tuple[Context, Beside]:
+    """Run a machine with deviations and align the recording with it."""
+    del jobs, turned, anew  # tolerances stay linear here
+    assert isinstance(context, BodyContext)
+    machine = apply(context.machine, deviations)
+    return context, aligned(context, machine, context.runs.trace(machine))

@@ -1,0 +1,130 @@
+"""Search all causes of a machine of free bodies by what they did beside the recording."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from math import atan2, hypot
+
+import numpy as np
+
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.bodies.context import again, BodyContext, PLACES, WHOLE
+from escalator_twin.diagnosis.bodies.everywhere import at_index
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.regression import inner_products, score_each
+from escalator_twin.diagnosis.search import best, beyond, gains, Search, tolerances
+from escalator_twin.diagnosis.unexplained import NO_PROBES
+from escalator_twin.diagnosis.view import View
+from escalator_twin.diagnosis.walk import Bench
+
+ONE_SIDED = ('tensioner_friction', 'handrail_drag', 'roller_drag')  # drag has one sign
+KEEP_PLACES = 2
+SIDED = {'chain_elongation': {'side': 'both'}}
+AXIS = 'rotation/y'  # out of the plane: the only one about which a planar machine tells a turn
+
+
+def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
+    """Return what all causes would explain, best first."""
+    assert isinstance(context, BodyContext)
+    direction = context.setting.experiment.direction
+    view = View(place.stage.observation, context.responses, direction, NO_PROBES)
+    search = Search(view, place.fitted, place.stage, place.model, jobs)
+    gauged = [s.name for s in context.machine.instruments.sensors if s.quantity == 'link_force']
+    found = [
+        *tolerances(search),
+        *(p for p in gains(search) if p.location.get('link', gauged[:1]) in gauged),
+        *_turned(search),
+        *_whole(context, search),
+        *_places(context, search),
+    ]
+    return sorted(found, key=lambda p: -p.gain)
+
+
+def _turned(search: Search) -> Iterator[Proposal]:
+    """Propose the accelerometer's turn in the plane."""
+    if AXIS not in search.names:
+        return
+    k = search.names.index(AXIS)
+    score = score_each(search.fitted.without(k), search.fitted.columns[:, k : k + 1])
+    tolerance = max(s.rotation_tol_deg for s in search.machine.instruments.sensors)
+    degrees = {'x_deg': 0.0, 'y_deg': tolerance * float(score.size[0]), 'z_deg': 0.0}
+    yield Proposal(
+        'accelerometer_misalignment', {}, degrees, beyond(score),
+        {'y_deg': tolerance * float(score.sd[0])}, 1, ('y_deg',), 'rotation',
+    )  # fmt: skip
+
+
+def _whole(context: BodyContext, search: Search) -> Iterator[Proposal]:
+    """Propose causes without an index, by their run at reference size."""
+    stage = search.stage
+    base = stage.on_grid(context.base)
+    columns = {
+        name: (stage.on_grid(trace) - base) / WHOLE[name][1]
+        for name, trace in context.whole.items()
+    }
+    if not columns:
+        return
+    white = search.whiten(np.stack(list(columns.values()), axis=2))
+    score = score_each(search.fitted, white)
+    for k, name in enumerate(columns):
+        if '/' in name:
+            continue
+        parameter = KNOWN[name].sizes[0].name
+        size, gain = float(score.size[k]), float(score.gain[k])
+        if name in ONE_SIDED and size <= 0.0:
+            continue
+        yield Proposal(
+            name, dict(SIDED.get(name, {})), {parameter: size}, gain,
+            {parameter: float(score.sd[k])}, 1, (parameter,),
+        )  # fmt: skip
+    pair = [list(columns).index(f'gear_eccentricity/{wave}') for wave in ('cos', 'sin')]
+    right, gram = inner_products(search.fitted, white[:, pair])
+    cosine, sine = np.linalg.solve(gram, right)
+    spread = float(np.trace(np.linalg.inv(gram))) / 2.0
+    yield Proposal(
+        'gear_eccentricity', {'which': 'upper'},
+        {'amplitude_m': hypot(cosine, sine), 'phase_rad': atan2(sine, cosine)},
+        float(right @ (cosine, sine)), {'amplitude_m': spread**0.5}, 1,
+        ('amplitude_m', 'phase_rad'),
+    )  # fmt: skip
+
+
+def _places(context: BodyContext, search: Search) -> Iterator[Proposal]:
+    """Propose causes at every index."""
+    n = context.machine.chain.n_links
+    direction = context.setting.experiment.direction
+    observation = search.stage.observation
+    for cause, response in context.places.items():
+        seen = [
+            at_index(response, context.blocks, observation, context.machine, direction, i)
+            for i in range(n)
+        ]
+        score = score_each(search.fitted, search.whiten(np.stack(seen, axis=2)))
+        place = PLACES[cause][0].location
+        key = 'axle' if 'axle' in place else 'link'
+        parameter = KNOWN[cause].sizes[0].name
+        proposals = [
+            Proposal(
+                cause, {**place, key: i}, {parameter: float(score.size[i])},
+                float(score.gain[i]), {parameter: float(score.sd[i])}, n, (parameter,),
+            )
+            for i in range(n)
+            if cause not in ONE_SIDED or score.size[i] > 0.0
+        ]  # fmt: skip
+        yield from best(proposals, KEEP_PLACES)
+
+
+def simulate(
+    context: Context, place: Beside, contenders: Sequence[Proposal], jobs: int
+) -> list[Refined]:
+    """Refine contenders with the twin itself."""
+    del context
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        done = pool.map(
+            lambda p: refine(place.stage, place.model, place.fitted, p, steps=2), contenders
+        )
+        return sorted((r for r in done if r is not None), key=lambda r: -r.gain)
+
+
+FREE_BODIES = Bench(propose, simulate, again)

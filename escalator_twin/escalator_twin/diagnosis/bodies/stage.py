@@ -1,0 +1,51 @@
+"""One recording beside a machine of free bodies."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from escalator_twin.causes.application import apply
+from escalator_twin.diagnosis.bodies.running import Runs
+from escalator_twin.diagnosis.knobs import turn_all
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.machine import Deviation
+from escalator_twin.physics.course import course_of
+from escalator_twin.physics.rollout import Trace
+from escalator_twin.signals import Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyStage(Stage):
+    """A stage whose machine runs part by part, and where some means are no zeros.
+
+    Attributes
+    ----------
+    runs : Runs
+    above : mapping of channel to float
+        What the means that count are above the twin's in good machines, SI.
+    """
+
+    runs: Runs
+    above: Mapping[str, float]
+
+    @property
+    def machine_length(self) -> float:
+        """Length of the path of axle 0, m."""
+        return course_of(self.machine).length_m
+
+    def trace(self, deviations: tuple[Deviation, ...] = (), without: str | None = None) -> Trace:
+        """Simulate the machine with more deviations."""
+        sizes = {k: v for k, v in self.turned.items() if k != without and v != 0.0}
+        if not sizes:
+            return self.runs.trace(apply(self.machine, deviations))
+        machine, experiment = turn_all(self.machine, self.setting.experiment, self.knobs, sizes)
+        return Runs(self.setting).trace(apply(machine, deviations), experiment)
+
+    def residual(self, model: Floats) -> Floats:
+        """Return measured less simulated, (n, c); what counts of a mean stays in it."""
+        centred = super().residual(model)
+        valid = self.observation.valid
+        for k, channel in enumerate(self.observation.channels):
+            if channel in self.above and valid[:, k].any():
+                difference = (self.observation.measured - model)[:, k]
+                centred[:, k] = difference - self.above[channel]
+        return centred
