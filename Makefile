@@ -5,7 +5,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := setup
-.PHONY: setup demo test test-long bench bench-deps bench-diagnosis campaign hidden floor lint lock clean
+.PHONY: setup demo test test-long bench bench-deps bench-diagnosis campaign hidden floor kwon-floor \
+    lint lock clean
 
 PYTEST_ARGS ?=
 
@@ -57,6 +58,26 @@ hidden: setup
 # The twin beside the generator, both as designed, by channel and band; writes docs/floor.json.
 floor: setup
 	@exec tools/floor.sh
+
+# The twin's own error on good machines of the second kind, drawn by its generator.
+# make kwon-floor [N=4] [SEED=100] [OUT=DIR] [JOBS=1]
+kwon-floor: N = 4
+kwon-floor: SEED = 100
+kwon-floor: OUT = out/kwon_good
+kwon-floor: setup
+	@out="$$(realpath -m '$(OUT)')"
+	bags=()
+	cd tests
+	for ((i = 0; i < $(N); i++)); do
+	    bag="$$out/machine_$$(( $(SEED) + i ))"
+	    if [[ ! -d $$bag ]]; then
+	        ../.venv/bin/python -m belt "$$bag" seed=$$(( $(SEED) + i )) duration=40
+	    fi
+	    bags+=("$$bag")
+	done
+	cd ..
+	exec .venv/bin/python -m escalator_twin.diagnosis.bodies.calibrate "$${bags[@]}" \
+	    --machine config/machines/kwon.yaml --jobs $(JOBS)
 
 # Hidden causes against the verdicts of `diagnose`; hours at N=5, which is what issue 6 asks for.
 # make bench-diagnosis SEED=9001 [N=5] [OUT=DIR] [JOBS=1] [DIAGNOSIS_ARGS='--causes roller_drag']

@@ -1,9 +1,14 @@
-"""``python -m belt OUT [CAUSE=SIZE...]``, from ``tests/``: one recording of the second machine."""
+"""``python -m belt OUT [CAUSE=SIZE...]``, from ``tests/``: one recording of the second machine.
+
+As designed, or with ``seed=N`` a machine drawn within its tolerances, whose truth goes to
+``OUT/../truth/NAME.json``; ``duration=S`` sets its length.
+"""
 
 from pathlib import Path
 import sys
 
 from belt.chain import CAUSES, read_sheet
+from belt.good import hide
 from belt.recording import FAULTS, make_recording
 
 DEFAULT = Path(__file__).resolve().parents[2] / 'config' / 'machines' / 'kwon.yaml'
@@ -12,14 +17,22 @@ DURATION_S, START_M, SEED = 60.0, 9.0, 1
 
 def main():
     """Write a recording; return 2 on a cause that there is not."""
-    hidden = {}
+    hidden, given = {}, {}
     for item in sys.argv[2:]:
         name, _, size = item.partition('=')
+        if name in ('seed', 'duration'):
+            given[name] = float(size)
+            continue
         if name not in (*CAUSES, 'roller_drag_axle', *FAULTS):
             print(f'{name}: expected one of {", ".join((*CAUSES, *FAULTS))}', file=sys.stderr)
             return 2
         hidden[name] = float(size or 1.0)
-    make_recording(sys.argv[1], read_sheet(DEFAULT), START_M, DURATION_S, SEED, hidden)
+    out, duration = Path(sys.argv[1]), given.get('duration', DURATION_S)
+    if 'seed' in given:
+        truth = out.parent / 'truth' / f'{out.name}.json'
+        hide(out, truth, DEFAULT, int(given['seed']), hidden, duration)
+    else:
+        make_recording(out, read_sheet(DEFAULT), START_M, duration, SEED, hidden)
     return 0
 
 

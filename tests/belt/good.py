@@ -4,10 +4,11 @@ import copy
 import json
 from pathlib import Path
 
-from belt.chain import read_sheet
-from belt.recording import make_recording
 import numpy as np
 import yaml
+
+from belt.chain import read_sheet
+from belt.recording import make_recording
 
 # What a good machine may have beside the tolerances of its sheet, one standard deviation: the
 # table of causes in the project's contract.

@@ -121,11 +121,15 @@ class Bench:
     anew : callable
         Takes context, deviations, simulations at a time, tolerances to begin with, and whether
         the deviations change what tolerances do; returns context and comparison with them.
+    shows : callable
+        Takes the comparisons before and after; tells whether an effect that moves a resonance
+        explains what such an effect must.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
     simulate: Callable[[Context, Beside, Sequence[Proposal], int], list[Refined]]
     anew: Callable[..., tuple[Context, Beside]]
+    shows: Callable[[Beside, Beside], bool]
 
 
 def walk(
@@ -179,7 +183,7 @@ def walk(
         moves = top.proposal.cause in MOVES_RESONANCE
         context, after = bench.anew(context, deviations, jobs, way, anew=moves)
         after = freed(after, proposals_now)
-        if moves and not shows_in_chain(place, after):
+        if moves and not bench.shows(place, after):
             found.pop()
             break
         place = after
@@ -402,4 +406,4 @@ def _place(proposal: Proposal) -> str:
     return ', '.join(f'{k}={v}' for k, v in sorted(proposal.location.items()) if k != 's_m')
 
 
-LINKED = Bench(propose, simulate, tuned)
+LINKED = Bench(propose, simulate, tuned, shows_in_chain)

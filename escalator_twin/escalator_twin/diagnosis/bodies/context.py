@@ -1,6 +1,6 @@
 """A recording of a machine of free bodies, placed, and what every cause would do to it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.loops import Frame, Loop
 from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.observation import observe, on_grid
 from escalator_twin.diagnosis.responses import Responses
+from escalator_twin.diagnosis.search import LIKE_KNOBS
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine, Sensor
 from escalator_twin.physics.course import course_of
@@ -207,8 +208,13 @@ def _run(
     return found
 
 
-def aligned(context: BodyContext, machine: Machine, trace: Trace) -> Beside:
-    """Align a recording with a run, and fit what it leaves."""
+def aligned(
+    context: BodyContext, machine: Machine, trace: Trace, without: Container[str] = ()
+) -> Beside:
+    """Align a recording with a run, and fit what it leaves.
+
+    ``without`` names the tolerances that are no nuisance: an effect is their size.
+    """
     setting = context.setting
     speed = setting.experiment.set_speed_m_s
     judgement = judge(setting, trace, machine, with_scores=False)
@@ -219,6 +225,7 @@ def aligned(context: BodyContext, machine: Machine, trace: Trace) -> Beside:
     knobs = {
         name: on_grid(turned, speed, observation, columns) - base
         for name, turned in context.knobs.items()
+        if name not in without
     }
     sensors = [machine.instruments.sensor(channel) for channel in observation.channels]
     above, zeros = {}, {}
@@ -256,4 +263,5 @@ def again(
     del jobs, turned, anew  # tolerances stay linear here
     assert isinstance(context, BodyContext)
     machine = apply(context.machine, deviations)
-    return context, aligned(context, machine, context.runs.trace(machine))
+    without = {LIKE_KNOBS[d.cause][0] for d in deviations if d.cause in LIKE_KNOBS}
+    return context, aligned(context, machine, context.runs.trace(machine), without)

@@ -1,0 +1,116 @@
+"""The second machine is diagnosed by the same command; truths are read after the verdict."""
+
+import json
+from pathlib import Path
+
+from belt.chain import Chain, read_sheet
+from belt.good import draw, hide, tolerances
+import kwons
+import numpy as np
+import pytest
+import yaml
+
+from escalator_twin.cli.main import main
+from escalator_twin.machine import load_machine
+
+pytestmark = pytest.mark.issue(8)
+
+DURATION_S = 22.0  # a loop and a little of the small machine
+SEEDS = {
+    'roller_drag': 22, 'clean': 21, 'gear_eccentricity': 23, 'tensioner_friction': 24,
+    'rolling_resistance': 31, 'chain_elongation': 32, 'tensioner_preload': 33, 'gauge_gain': 34,
+    'gauge_drift': 35,
+}  # fmt: skip
+SIZES = {
+    'gear_eccentricity': 1e-3, 'tensioner_friction': 150.0, 'rolling_resistance': 1.6,
+    'chain_elongation': 1.5e-4, 'tensioner_preload': 1.25, 'gauge_gain': 1.09,
+    'gauge_drift': 1e-5,
+}  # fmt: skip
+FAULTS = {'gauge_dead': 2.0, 'axis_inverted': 1.0, 'data_gap': 4.0, 'sensor_spikes': 20.0,
+          'mains_hum': 6e-6}  # fmt: skip
+
+
+@pytest.fixture(scope='session')
+def small(tmp_path_factory) -> Path:
+    """Return the description of a machine of this kind that is cheap to run."""
+    return kwons.write_small(tmp_path_factory.mktemp('small'))
+
+
+def diagnosed(small, folder, seed, hidden):
+    """Return the verdict of the command, then the truth."""
+    bag, truth, told = folder / 'bag', folder / 'truth' / 'bag.json', folder / 'told.json'
+    hide(bag, truth, small, seed, hidden, DURATION_S)
+    words = ['diagnose', str(bag), '--machine', str(small), '--json', str(told), '--jobs', '2']
+    assert main(words) == 0
+    verdict = json.loads(told.read_text(encoding='utf-8'))
+    return verdict, json.loads(truth.read_text(encoding='utf-8'))['effects']
+
+
+def agrees(verdict, truth):
+    """Hold a verdict against the one effect that was hidden."""
+    (effect,), (hidden,) = verdict['effects'], truth
+    assert effect['cause'] == hidden['cause']
+    assert len(effect['alternatives']) <= 2
+    for key, value in hidden['location'].items():
+        assert effect['location'][key] == value
+    for name, value in hidden['parameters'].items():
+        interval = effect['parameters'][name]
+        assert interval['low'] <= value <= interval['high']
+    return effect
+
+
+def test_a_hidden_drag_is_named_at_its_axle(small, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hidden = {'roller_drag': 120.0, 'roller_drag_axle': 9}
+    verdict, truth = diagnosed(small, tmp_path, SEEDS['roller_drag'], hidden)
+    agrees(verdict, truth)
+    extended = load_machine(verdict['extended_machine'])
+    assert [d.cause for d in extended.deviations] == ['roller_drag']
+
+
+@pytest.mark.long
+def test_within_tolerance_nothing_is_named(small, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    verdict, _ = diagnosed(small, tmp_path, SEEDS['clean'], {})
+    assert verdict['effects'] == []
+    description = yaml.safe_load(Path(verdict['extended_machine']).read_text(encoding='utf-8'))
+    assert description['deviations'] == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('cause', SIZES)
+def test_a_hidden_cause_is_named_with_its_size(small, tmp_path, monkeypatch, cause):
+    monkeypatch.chdir(tmp_path)
+    agrees(*diagnosed(small, tmp_path, SEEDS[cause], {cause: SIZES[cause]}))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('fault', FAULTS)
+def test_a_fault_of_the_measurement_is_named(small, tmp_path, monkeypatch, fault):
+    monkeypatch.chdir(tmp_path)
+    verdict, _ = diagnosed(small, tmp_path, 41, {fault: FAULTS[fault]})
+    assert [e['cause'] for e in verdict['effects']] == [fault]
+
+
+def test_the_generator_draws_machines_within_their_tolerances():
+    path = kwons.MACHINES / 'kwon.yaml'
+    designed = read_sheet(path)
+    ratios = []
+    for seed in range(200):
+        sheet, may = draw(path, np.random.default_rng(seed))
+        ratios.append(
+            [
+                (sheet[part][key] / designed[part][key] - 1.0) / tolerance
+                for (part, key), tolerance in tolerances(path).items()
+            ]
+        )
+        assert may['tensioner_friction'] >= 0.0
+    assert np.std(ratios, axis=0) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(ratios, axis=0) == pytest.approx(0.0, abs=0.3)
+
+
+def test_the_generator_keeps_what_it_hides(small):
+    sheet = read_sheet(small)
+    plain, drag = Chain(sheet), Chain(sheet, {'roller_drag': 120.0, 'roller_drag_axle': 9})
+    assert plain.drags.sum() == 0.0
+    assert drag.drags[9] == 120.0
