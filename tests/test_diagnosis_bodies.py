@@ -11,7 +11,13 @@ import pytest
 import yaml
 
 from escalator_twin.cli.main import main
-from escalator_twin.machine import load_machine
+from escalator_twin.diagnosis.bodies.context import mean_spread
+from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
+from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
+from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.observation import Observation
+from escalator_twin.machine import Deviation, load_machine
+from escalator_twin.physics.course import course_of
 
 pytestmark = pytest.mark.issue(8)
 
@@ -114,3 +120,44 @@ def test_the_generator_keeps_what_it_hides(small):
     plain, drag = Chain(sheet), Chain(sheet, {'roller_drag': 120.0, 'roller_drag_axle': 9})
     assert plain.drags.sum() == 0.0
     assert drag.drags[9] == 120.0
+
+
+@pytest.mark.slow
+def test_one_run_stands_for_a_cause_at_every_axle(small):
+    machine = load_machine(small)
+    experiment, length = machine.default_experiment(), course_of(machine).length_m
+    frame = Frame.of(machine, experiment.set_speed_m_s)
+
+    def response(axle):
+        place = {'axle': axle, 'side': 'both'}
+        drag = Deviation('roller_drag', {'force_N': 120.0}, place)
+        run = run_everywhere(machine, experiment, length, (drag,))
+        return run.on_loop(frame) - plain.on_loop(frame)
+
+    plain = run_everywhere(machine, experiment, length)
+    channels = ('chain/tension', 'gear/torque')
+    index = np.arange(frame.n_loop)
+    nothing = np.zeros((len(index), len(channels)))
+    seen = Observation(frame, channels, index, nothing, nothing, nothing == 0.0, 0.0)
+    by_shift = at_index(response(0), plain.blocks, seen, machine, 1, 7)
+    directly = at_index(response(7), plain.blocks, seen, machine, 1, 0)
+    for k in range(len(channels)):
+        assert np.corrcoef(by_shift[:, k], directly[:, k])[0, 1] > 0.99
+
+
+def test_a_floor_keeps_its_means(tmp_path):
+    smooth, lines = np.ones(8), np.zeros(32)
+    levels = {'gear_torque': {0.5: Level(smooth, lines, (-1.5, 2.0))},
+              'link_force': {0.5: Level(smooth, lines)}}  # fmt: skip
+    write_floor(tmp_path / 'floor.yaml', Floor(levels, (-0.1, 0.3)), 'a test')
+    found = read_floor(tmp_path / 'floor.yaml')
+    assert found.clean == (-0.1, 0.3)
+    assert found.levels['gear_torque'][0.5].mean == (-1.5, 2.0)
+    assert found.mean_of(kwons.kwon().instruments.sensor('chain/tension'), 0.5) is None
+
+
+def test_a_mean_is_as_sure_as_its_zero_and_gain_let_it():
+    torque = kwons.kwon().instruments.sensor('gear/torque')
+    sure = mean_spread(torque, 0.0, 180.0)
+    assert sure == pytest.approx(np.hypot(5.0 / 3.0**0.5, 0.005 * 180.0))
+    assert mean_spread(torque, 40.0, 0.0) == pytest.approx(40.0)
