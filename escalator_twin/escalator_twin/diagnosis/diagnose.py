@@ -94,8 +94,9 @@ def diagnose_recording(
     if progress is not None:
         progress(9.0, STAGES)
     faults = tuple(faults_of(context.setting, machine))
-    rest = look(context, walked.before, walked.after)
-    named, held = settle(context, walked, rest, seed)
+    before = bench.bare(walked.before, [found.proposal for found in walked.found])
+    rest = look(context, before, walked.after)
+    named, held = settle(context, walked, rest, seed, bench)
     if progress is not None:
         progress(STAGES, STAGES)
     effects = [_told(found, p) for found, p in named if p >= NAMED]
@@ -125,7 +126,7 @@ def _placed(
 
 
 def settle(
-    context: Context, walked: Walked, rest: Unexplained, seed: int
+    context: Context, walked: Walked, rest: Unexplained, seed: int, bench: Bench = LINKED
 ) -> tuple[list[tuple[Found, float]], HeldOut | None]:
     """Decide which effects are named, by what they explain and by what they gain held out.
 
@@ -136,7 +137,9 @@ def settle(
     """
     if not walked.found:
         return [], None
-    held = hold_out(context, walked.after, [f.proposal for f in walked.found], seed)
+    proposals = [found.proposal for found in walked.found]
+    judged = bench.bare(walked.after, proposals).stage
+    held = hold_out(context, walked.after, proposals, seed, judged)
     factor = 1.0
     if rest.significant and rest.explained < 1.0:
         # what stays open speaks against the names, the more of it the more

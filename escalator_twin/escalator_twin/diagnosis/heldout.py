@@ -65,7 +65,11 @@ class HeldOut:
 
 
 def hold_out(
-    context: Context, after: Beside, effects: Sequence[Proposal], seed: int = 0
+    context: Context,
+    after: Beside,
+    effects: Sequence[Proposal],
+    seed: int = 0,
+    judged: Stage | None = None,
 ) -> HeldOut:
     """Fit on a part of a recording, compare on the rest.
 
@@ -80,6 +84,9 @@ def hold_out(
     effects : sequence of Proposal
     seed : int
         Of the bootstrap.
+    judged : Stage, optional
+        The same comparison with the nuisance that the gain is judged beside; that of ``after``
+        where it is not given.
     """
     stage = after.stage
     bare = replace(stage, machine=context.machine)
@@ -91,7 +98,8 @@ def hold_out(
     folds, split = folds_of(stage, effects)
     if not folds:
         return HeldOut(split, 0, None)
-    return _compare(bare, base, change, folds, split, seed)
+    beside = bare if judged is None else replace(judged, machine=context.machine)
+    return _compare(beside, base, change, folds, split, seed)
 
 
 def measured_change(stage: Stage, after: Beside, effect: Proposal) -> Floats:

@@ -124,12 +124,15 @@ class Bench:
     shows : callable
         Takes the comparisons before and after; tells whether an effect that moves a resonance
         explains what such an effect must.
+    bare : callable
+        Takes the comparison before and the effects; returns the one that they are judged against.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
     simulate: Callable[[Context, Beside, Sequence[Proposal], int], list[Refined]]
     anew: Callable[..., tuple[Context, Beside]]
     shows: Callable[[Beside, Beside], bool]
+    bare: Callable[[Beside, Sequence[Proposal]], Beside]
 
 
 def walk(
@@ -406,4 +409,9 @@ def _place(proposal: Proposal) -> str:
     return ', '.join(f'{k}={v}' for k, v in sorted(proposal.location.items()) if k != 's_m')
 
 
-LINKED = Bench(propose, simulate, tuned, shows_in_chain)
+def as_it_was(before: Beside, _: Sequence[Proposal]) -> Beside:
+    """Return the comparison that effects are judged against: the machine within tolerance."""
+    return before
+
+
+LINKED = Bench(propose, simulate, tuned, shows_in_chain, as_it_was)

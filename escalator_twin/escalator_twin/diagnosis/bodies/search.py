@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from math import atan2, hypot
 
 import numpy as np
@@ -10,6 +11,7 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.bodies.context import again, BodyContext, PLACES, WHOLE
 from escalator_twin.diagnosis.bodies.everywhere import at_index
 from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.regression import inner_products, score_each
@@ -133,4 +135,20 @@ def shows(before: Beside, after: Beside) -> bool:
     return True
 
 
-FREE_BODIES = Bench(propose, simulate, again, shows)
+def bare(before: Beside, effects: Sequence[Proposal]) -> Beside:
+    """Return a comparison without the nuisance that effects stand for.
+
+    Stretched far beyond its tolerance, that nuisance explains what the effect does.
+    """
+    stood_for = tuple(effect.nuisance for effect in effects if effect.nuisance is not None)
+    stage = before.stage
+    names = stage.nuisance.names
+    keep = [k for k, name in enumerate(names) if not (stood_for and name.startswith(stood_for))]
+    columns = stage.nuisance.columns
+    held = [k for k in keep if k < columns.shape[2]]  # a creep that is free has no column there
+    nuisance = Nuisance(tuple(names[k] for k in keep), columns[:, :, held])
+    stage = replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
+    return replace(before, stage=stage, fitted=stage.fit(before.model))
+
+
+FREE_BODIES = Bench(propose, simulate, again, shows, bare)
