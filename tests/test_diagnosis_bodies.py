@@ -1,5 +1,6 @@
 """The second machine is diagnosed by the same command; truths are read after the verdict."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -13,11 +14,14 @@ import yaml
 from escalator_twin.cli.main import main
 from escalator_twin.diagnosis.bodies.context import mean_spread
 from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
+from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.observation import Observation
+from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.course import course_of
+from escalator_twin.signals import Recording
 
 pytestmark = pytest.mark.issue(8)
 
@@ -96,6 +100,11 @@ def test_a_fault_of_the_measurement_is_named(small, tmp_path, monkeypatch, fault
     monkeypatch.chdir(tmp_path)
     verdict, _ = diagnosed(small, tmp_path, 41, {fault: FAULTS[fault]})
     assert [e['cause'] for e in verdict['effects']] == [fault]
+
+
+def test_without_the_twins_own_error_nothing_is_diagnosed():
+    with pytest.raises(NotYetError, match='kwon_floor.yaml'):
+        diagnose_recording(Recording('bag', {}), replace(kwons.kwon(), source=Path('kwon.yaml')))
 
 
 def test_the_generator_draws_machines_within_their_tolerances():

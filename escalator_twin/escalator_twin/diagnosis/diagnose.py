@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.unexplained import look, Unexplained
 from escalator_twin.diagnosis.verdict import ALIKE, Weighed
 from escalator_twin.diagnosis.walk import Bench, Found, LINKED, of_machine, walk, Walked
+from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Recording
@@ -119,6 +120,11 @@ def _placed(
     """Place a recording; return it, the machine's run beside it, and what its kind needs."""
     floor = load_floor(machine)
     if isinstance(machine, MultibodyMachine):
+        if not floor.levels:  # beside the sensors' noise alone, the twin's own error gets names
+            raise NotYetError(
+                f"diagnose: {machine.name}: the twin's own error was not measured: no "
+                f'{machine.name}_floor.yaml beside {machine.source} (diagnosis.bodies.calibrate)'
+            )
         found = prepare_bodies(recording, machine, floor, jobs, tell)
         return found, whole_trace(machine, found.runs), FREE_BODIES
     context = prepare(recording, machine, floor, jobs, tell)
