@@ -103,7 +103,7 @@ def test_a_fault_of_the_measurement_is_named(small, tmp_path, monkeypatch, fault
 
 
 def test_without_the_twins_own_error_nothing_is_diagnosed():
-    with pytest.raises(NotYetError, match='kwon_floor.yaml'):
+    with pytest.raises(NotYetError, match='error was not measured'):
         diagnose_recording(Recording('bag', {}), replace(kwons.kwon(), source=Path('kwon.yaml')))
 
 
