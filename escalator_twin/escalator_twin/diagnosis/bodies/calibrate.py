@@ -39,7 +39,9 @@ def measure(context: BodyContext) -> dict[str, tuple[Level, float]]:
     rate, n = observation.frame.rate_hz, len(observation.index)
     orders = frequencies(n, rate) * observation.frame.pitch_m / observation.frame.speed_m_s
     left = _left(place)
-    waves = stage.whiten((left - left.mean(axis=0))[:, :, None])
+    count = np.maximum(observation.valid.sum(axis=0), 1)
+    means = np.where(observation.valid, left, 0.0).sum(axis=0) / count
+    waves = stage.whiten((left - means)[:, :, None])
     weight = np.where(stage.whiten.weight > 0.0, stage.whiten.weight, np.inf)
     coefficients = waves.reshape(len(weight), -1) / weight
     found = {}
@@ -47,7 +49,7 @@ def measure(context: BodyContext) -> dict[str, tuple[Level, float]]:
         sensor = context.machine.instruments.sensor(channel)
         own = sensor_variance(sensor, rate)
         white = coefficients[:, k].astype(np.float64) / own**0.5
-        found[channel] = measure_level(white, orders, own, n), float(left[:, k].mean())
+        found[channel] = measure_level(white, orders, own, n), float(means[k])
     return found
 
 

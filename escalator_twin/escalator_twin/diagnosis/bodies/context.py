@@ -12,6 +12,7 @@ from escalator_twin.causes.application import apply
 from escalator_twin.comparison.judge import judge
 from escalator_twin.comparison.locate import locate, Setting
 from escalator_twin.diagnosis.bodies.everywhere import Everywhere, run_everywhere
+from escalator_twin.diagnosis.bodies.gears import off_gears
 from escalator_twin.diagnosis.bodies.running import HANDRAIL, part_of, Runs
 from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.context import Beside, Context, start_in
@@ -22,6 +23,8 @@ from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.observation import observe, on_grid
 from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.diagnosis.search import LIKE_KNOBS
+from escalator_twin.diagnosis.unexplained import NO_PROBES
+from escalator_twin.diagnosis.view import View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine, Sensor
 from escalator_twin.physics.course import course_of
@@ -219,6 +222,9 @@ def aligned(
     speed = setting.experiment.set_speed_m_s
     judgement = judge(setting, trace, machine, with_scores=False)
     observation = observe(setting, judgement, machine, context.frame, context.start_m)
+    view = View(observation, context.responses, setting.experiment.direction, NO_PROBES)
+    valid = off_gears(observation, view.place_of(0), machine)
+    observation = replace(observation, valid=valid)
     columns = {s.channel: i for i, s in enumerate(machine.instruments.sensors)}
     model = on_grid(trace, speed, observation, columns)
     base = on_grid(context.base, speed, observation, columns)
