@@ -14,6 +14,7 @@ import yaml
 from escalator_twin.cli.main import main
 from escalator_twin.diagnosis.bodies.context import mean_spread
 from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
+from escalator_twin.diagnosis.bodies.gears import MARGIN_M, on_gear
 from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
 from escalator_twin.diagnosis.loops import Frame
@@ -21,6 +22,8 @@ from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.course import course_of
+from escalator_twin.physics.multibody.guide import chain_track
+from escalator_twin.physics.multibody.segments import LENGTH
 from escalator_twin.signals import Recording
 
 pytestmark = pytest.mark.issue(8)
@@ -163,6 +166,16 @@ def test_a_floor_keeps_its_means(tmp_path):
     assert found.clean == (-0.1, 0.3)
     assert found.levels['gear_torque'][0.5].mean == (-1.5, 2.0)
     assert found.mean_of(kwons.kwon().instruments.sensor('chain/tension'), 0.5) is None
+
+
+def test_a_roller_is_on_a_gear_where_its_track_bends_back():
+    machine = kwons.kwon()
+    track = chain_track(machine)
+    place = np.linspace(0.0, track.length_m, 5000, endpoint=False)
+    turn = track.rows[[5, 8], LENGTH].sum()  # upper and lower gear
+    share = (turn + 4.0 * MARGIN_M) / track.length_m
+    assert on_gear(machine, place).mean() == pytest.approx(share, abs=2e-3)
+    assert not on_gear(machine, np.array([0.3, 4.0])).any()  # lower landing, incline
 
 
 def test_a_mean_is_as_sure_as_its_zero_and_gain_let_it():
