@@ -141,6 +141,7 @@ def test_the_generator_keeps_what_it_hides(small):
     assert drag.drags[9] == 120.0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_one_run_stands_for_a_cause_at_every_axle(small):
     machine = load_machine(small)
