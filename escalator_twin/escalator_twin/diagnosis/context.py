@@ -8,7 +8,7 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, Setting
-from escalator_twin.diagnosis.floor import Floor, kind_of, RATTLE
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import make_nuisance
@@ -193,12 +193,7 @@ def _step(context: Context, machine: Machine, place: Beside) -> Beside | None:
 
 def quiet_chi2(place: Beside) -> float:
     """Return chi squared without the channels that rattling rollers shake by chance."""
-    instruments = place.stage.machine.instruments
-    channels = place.stage.observation.channels
-    left = place.fitted.left().astype(np.float64).reshape(-1, len(channels))
-    quiet = [kind_of(instruments.sensor(c)) not in RATTLE for c in channels]
-    used = place.fitted.sizes + place.fitted.offset
-    return float(np.sum(left[:, quiet] ** 2) + used @ used)
+    return place.stage.judged(place.fitted)
 
 
 def _aligned(

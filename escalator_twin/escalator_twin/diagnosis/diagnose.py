@@ -12,18 +12,20 @@ from escalator_twin.comparison.judge import judge
 from escalator_twin.diagnosis.context import Context, prepare
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.heldout import HeldOut, hold_out
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.unexplained import look, Unexplained
 from escalator_twin.diagnosis.verdict import ALIKE, Weighed
-from escalator_twin.diagnosis.walk import Found, of_machine, walk, Walked
+from escalator_twin.diagnosis.walk import Found, walk, Walked
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.signals import Recording
 
 ENOUGH = 0.5  # of the energy above the floor that the effects must account for to be named
 NAMED = 0.5  # probability from which an effect is told as accepted
+REFUSED = 0.3  # of the probability, where nothing is gained held out or a channel becomes worse
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 MOST_CANDIDATES = 20
 NORMAL_95 = 1.96
@@ -124,13 +126,14 @@ def settle(
     """
     if not walked.found:
         return [], None
-    held = hold_out(context, walked.after, [f.proposal for f in walked.found], seed)
+    effects = [f.proposal for f in walked.found]
+    held = hold_out(context, walked.after, effects, seed, walked.before.stage.turned)
     factor = 1.0
     if rest.significant and rest.explained < 1.0:
         # what stays open speaks against the names, the more of it the more
         factor *= float(np.clip(rest.explained / ENOUGH - 0.5, 0.0, 1.0)) ** 0.5
-    if held.channels is not None and not held.significant:
-        factor *= 0.3
+    if held.channels is not None and (held.worse or not held.significant):
+        factor *= REFUSED
     if held.channels is None:
         factor *= 0.95  # no second look
     return [(found, found.probability * factor) for found in walked.found], held

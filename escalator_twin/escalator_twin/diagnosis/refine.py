@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -127,8 +128,9 @@ def refine(
     except EscalatorError:
         return None
     best = _weigh(stage, current, proposal)
-    chi2 = fitted.chi2
-    jacobian = _jacobian(stage, base, current, proposal, without, length)
+    judged = partial(stage.judged, cause=proposal.cause)
+    before = judged(fitted)
+    jacobian = jacobian_of(stage, base, current, proposal, without)
     for _ in range(steps):
         right, gram = inner_products(best, jacobian)
         step = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
@@ -136,33 +138,33 @@ def refine(
             break
         trial, model, after = proposal, current, best
         for shrink in (1.0, 0.4, 0.15):
-            moved = {
-                key: _moved(proposal, key, shrink * float(delta))
+            way = {
+                key: moved(proposal, key, shrink * float(delta))
                 for key, delta in zip(keys, step, strict=True)
             }
-            trial = changed(proposal, moved, length)
+            trial = changed(proposal, way, length)
             try:
                 model = stage.run((trial.deviation,), without)
             except EscalatorError:
                 continue
             after = _weigh(stage, model, trial)
-            if after.chi2 < best.chi2:
+            if judged(after) < judged(best):
                 break
-        if after.chi2 >= best.chi2:
+        if judged(after) >= judged(best):
             break
-        gained = best.chi2 - after.chi2
+        gained = judged(best) - judged(after)
         proposal, current, best = trial, model, after
-        if gained < 0.02 * (chi2 - best.chi2) and gained < 6.0:
+        if gained < 0.02 * (before - judged(best)) and gained < 6.0:
             break
         if len(keys) == 1:
-            jacobian = _jacobian(stage, base, current, proposal, without, length)
+            jacobian = jacobian_of(stage, base, current, proposal, without)
     _, gram = inner_products(best, jacobian)
     covariance = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
     sd = {
-        key: abs(_slope(proposal, key)) * float(np.sqrt(max(covariance[i, i], 0.0)))
+        key: abs(slope_of(proposal, key)) * float(np.sqrt(max(covariance[i, i], 0.0)))
         for i, key in enumerate(keys)
     }
-    return Refined(proposal, current, best, chi2 - best.chi2, sd, jacobian, keys)
+    return Refined(proposal, current, best, before - judged(best), sd, jacobian, keys)
 
 
 def _weigh(stage: Stage, model: Floats, proposal: Proposal) -> Fitted:
@@ -178,13 +180,13 @@ def _inner(proposal: Proposal, key: str, value: float) -> float:
     return 1.0 / value if (proposal.cause, key) in INVERSE else value
 
 
-def _slope(proposal: Proposal, key: str) -> float:
+def slope_of(proposal: Proposal, key: str) -> float:
     """Return by how much a parameter changes with that variable."""
     value = value_of(proposal, key)
     return -value * value if (proposal.cause, key) in INVERSE else 1.0
 
 
-def _moved(proposal: Proposal, key: str, delta: float) -> float:
+def moved(proposal: Proposal, key: str, delta: float) -> float:
     """Return a parameter after a step of the variable."""
     value = value_of(proposal, key)
     if (proposal.cause, key) in INVERSE:
@@ -192,22 +194,41 @@ def _moved(proposal: Proposal, key: str, delta: float) -> float:
     return value + delta
 
 
-def _jacobian(
+def jacobian_of(
     stage: Stage,
-    base: Floats,
+    base: Floats | None,
     model: Floats,
     proposal: Proposal,
-    without: str | None,
-    length: float,
+    without: str | None = None,
 ) -> np.ndarray:
-    """Return whitened columns: a secant for what sizes the effect, differences for the rest."""
+    """Return whitened columns: a secant for what sizes the effect, differences for the rest.
+
+    Parameters
+    ----------
+    stage : Stage
+        Without the proposal.
+    base : (n, c) float64 or None
+        Its model; None: run it where it is needed.
+    model : (n, c) float64
+        With the proposal.
+    proposal : Proposal
+    without : str, optional
+        Tolerance that the proposal stands for.
+
+    Returns
+    -------
+    columns : (m, p) float32
+        One for each fitted number, by the variable in which the response is about linear.
+    """
+    length = stage.machine_length
     columns = []
     for i, key in enumerate(proposal.fitted):
         value = value_of(proposal, key)
         neutral = _neutral(stage, proposal, key)
         if i == 0 and neutral is not None and not _is_bent(proposal, key):
+            start = stage.run((), without) if base is None else base
             way = _inner(proposal, key, value) - _inner(proposal, key, neutral)
-            columns.append((model - base) / (way if abs(way) > 1e-12 else 1e-12))
+            columns.append((model - start) / (way if abs(way) > 1e-12 else 1e-12))
             continue
         nudge = _nudge(proposal, key, value, neutral)
         trial = changed(proposal, {key: value + nudge}, length)
@@ -216,7 +237,7 @@ def _jacobian(
             trial = changed(proposal, {key: value - nudge}, length)
             way = _inner(proposal, key, value_of(trial, key)) - _inner(proposal, key, value)
         columns.append((stage.run((trial.deviation,), without) - model) / way)
-    return stage.whiten(np.stack(columns, axis=2))
+    return stage.columns(np.stack(columns, axis=2), proposal.cause)
 
 
 def _is_bent(proposal: Proposal, key: str) -> bool:

@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 
+from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of
 from escalator_twin.diagnosis.loops import all_probes, Frame, Loop, sensor_probes, simulate_loop
 from escalator_twin.machine import Deviation, Machine
@@ -140,6 +141,8 @@ def find_responses(
         def work() -> Columns:
             loop = simulate_loop(machine, experiment, frame, every, (deviation,), base.rack_m)
             change: Columns = (loop.columns - base.columns) / np.float32(size)
+            if deviation.cause not in SHAKING:
+                change[:, _shaken_columns(machine.chain.n_links)] = 0.0
             return change
 
         return work
@@ -197,12 +200,14 @@ def find_knobs(
     experiment = replace(experiment, set_speed_m_s=speed_m_s)
     seen = sensor_probes(machine.instruments.sensors, machine.chain.n_links)
     base = simulate_loop(machine, experiment, frame, seen)
+    shaken = [is_shaken(sensor) for sensor in machine.instruments.sensors]
 
     def task(knob: Knob) -> Callable[[], Columns]:
         def work() -> Columns:
             turned, setting = knob.turn(machine, experiment, KNOB_STEP)
             loop = simulate_loop(turned, setting, frame, seen, (), base.rack_m)
             change: Columns = (loop.columns - base.columns) / np.float32(KNOB_STEP)
+            change[:, shaken] = 0.0
             return change
 
         return work
@@ -239,6 +244,12 @@ def find_flats(
     phases = [2.0 * pi * k / FLAT_PHASES for k in range(FLAT_PHASES)]
     found = _run({phase: task(phase) for phase in phases}, jobs, None)
     return np.stack([found[phase] for phase in phases])
+
+
+def _shaken_columns(n_links: int) -> list[int]:
+    """Return where all steps' accelerations along x and z are, as ``all_probes`` orders them."""
+    first = 1 + 2 * n_links
+    return [first + axis * n_links + k for axis in (0, 2) for k in range(n_links)]
 
 
 def _stop_levels(base: Loop) -> list[float]:
