@@ -51,6 +51,8 @@ class Context:
         Travel from path coordinate 0 of axle 0 to where the twin's run begins.
     place : Beside or None
         The machine as described, its tolerances tuned.
+    nominal : Nominal or None
+        The same with no tolerance turned.
     """
 
     recording: Recording
@@ -60,6 +62,7 @@ class Context:
     floor: Floor
     start_m: float
     place: 'Beside | None' = None
+    nominal: 'Nominal | None' = None
 
     @property
     def frame(self) -> Frame:
@@ -87,6 +90,21 @@ class Beside:
     fitted: Fitted
 
 
+@dataclass(frozen=True)
+class Nominal:
+    """The machine as described beside a recording, no tolerance turned.
+
+    Attributes
+    ----------
+    place : Beside
+    responses : Responses
+        With what the tolerances do there.
+    """
+
+    place: Beside
+    responses: Responses
+
+
 def prepare(
     recording: Recording,
     machine: Machine,
@@ -103,12 +121,14 @@ def prepare(
         Where the recording cannot be placed.
     """
     context = prepare_tolerances(recording, machine, floor, jobs, setting)
-    context, place = tuned(context, jobs=jobs)
+    start = beside(context, steps=0)
+    nominal = Nominal(start, context.responses)
+    context, place = tuned(context, jobs=jobs, start=start)
     experiment = context.setting.experiment
     knobs = knobs_of(machine, experiment)
     turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
     responses = find_responses(turned_machine, turned, context.responses.knobs, jobs, progress)
-    return replace(context, responses=responses, place=place)
+    return replace(context, responses=responses, place=place, nominal=nominal)
 
 
 def prepare_tolerances(
@@ -145,9 +165,9 @@ def _start(setting: Setting, responses: Responses) -> float:
 def beside(
     context: Context,
     deviations: tuple[Deviation, ...] = (),
-    trace: Trace | None = None,
     steps: int = TUNING,
     turned: Mapping[str, float] | None = None,
+    start: Beside | None = None,
 ) -> Beside:
     """Run a machine with deviations beside the recording and align both anew.
 
@@ -156,20 +176,21 @@ def beside(
     context : Context
     deviations : tuple of Deviation
         Of the machine; those of the measurement do nothing here.
-    trace : Trace, optional
-        Of that machine, where it was run already.
     steps : int
         By which the tolerances are tuned at most.
     turned : mapping of tolerance to float, optional
         Where the tuning begins, standard deviations.
+    start : Beside, optional
+        That machine there, where it was aligned already.
     """
     machine = apply(context.machine, deviations)
     setting = context.setting
-    sizes = dict(turned or {})
-    if trace is None:
+    place = start
+    if place is None:
+        sizes = dict(turned or {})
         knobs = knobs_of(machine, setting.experiment)
         trace = run_beside(*turn_all(machine, setting.experiment, knobs, sizes), setting)
-    place = _aligned(context, machine, trace, sizes)
+        place = _aligned(context, machine, trace, sizes)
     for _ in range(steps):
         after = _step(context, machine, place)
         if after is None:
@@ -237,7 +258,7 @@ def tuned(
     deviations: tuple[Deviation, ...] = (),
     jobs: int = 1,
     turned: Mapping[str, float] | None = None,
-    anew: bool = False,
+    start: Beside | None = None,
 ) -> tuple[Context, Beside]:
     """Tune the tolerances of a machine, their effect taken anew where the tuning has led.
 
@@ -252,8 +273,8 @@ def tuned(
         Simulations at a time.
     turned : mapping of tolerance to float, optional
         Where the tuning begins, standard deviations.
-    anew : bool
-        The deviations change what the tolerances do: take that anew first.
+    start : Beside, optional
+        That machine with these tolerances, where it was aligned already.
 
     Returns
     -------
@@ -261,10 +282,8 @@ def tuned(
         Whose tolerances act as they do there.
     place : Beside
     """
-    if anew:
-        context = with_own_tolerances(context, deviations, jobs, turned)
-    place = beside(context, deviations, turned=turned)
-    for _ in range(ROUNDS - anew):
+    place = beside(context, deviations, turned=turned, start=start)
+    for _ in range(ROUNDS):
         way = {k: place.stage.turned.get(k, 0.0) for k in context.responses.knobs}
         if max(map(abs, way.values()), default=0.0) < FAR_TURNED:
             break

@@ -50,6 +50,8 @@ class Diagnosis:
     held_out : HeldOut or None
         None where nothing was accepted.
     faults : tuple of Fault
+    found : tuple of (Found, probability)
+        All effects that the walk accepted, named or not.
     """
 
     document: dict[str, Any]
@@ -59,6 +61,7 @@ class Diagnosis:
     deviations: tuple[Deviation, ...]
     held_out: HeldOut | None
     faults: tuple[Fault, ...]
+    found: tuple[tuple[Found, float], ...] = ()
 
 
 def diagnose_recording(
@@ -100,8 +103,8 @@ def diagnose_recording(
     named, held = settle(context, walked, rest, seed)
     if progress is not None:
         progress(STAGES, STAGES)
-    effects = [_told(found, p) for found, p in named if p >= NAMED]
-    effects += [_fault(fault) for fault in faults]
+    effects = [told(found, p) for found, p in named if p >= NAMED]
+    effects += [told_fault(fault) for fault in faults]
     kept = [found.proposal for found, p in named if p >= NAMED and of_machine(found.proposal)]
     return Diagnosis(
         document,
@@ -111,6 +114,7 @@ def diagnose_recording(
         tuple(proposal.deviation for proposal in kept),
         held,
         faults,
+        tuple(named),
     )
 
 
@@ -139,7 +143,7 @@ def settle(
     return [(found, found.probability * factor) for found in walked.found], held
 
 
-def _told(found: Found, probability: float) -> dict[str, Any]:
+def told(found: Found, probability: float) -> dict[str, Any]:
     """Return an effect as contracts.md tells it."""
     proposal = found.proposal
     cause = CAUSES[proposal.cause]
@@ -204,7 +208,7 @@ def alternatives(found: Found) -> list[str]:
     return names[:3]
 
 
-def _fault(fault: Fault) -> dict[str, Any]:
+def told_fault(fault: Fault) -> dict[str, Any]:
     return {
         'cause': fault.cause,
         'location': dict(fault.location),

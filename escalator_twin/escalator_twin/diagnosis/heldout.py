@@ -73,6 +73,7 @@ def hold_out(
     effects: Sequence[Proposal],
     seed: int = 0,
     turned: Mapping[str, float] | None = None,
+    sizes_known: bool = False,
 ) -> HeldOut:
     """Fit on a part of a recording, compare on the rest.
 
@@ -90,6 +91,8 @@ def hold_out(
     turned : mapping of tolerance to float, optional
         Where the machine as described comes nearest without any effect, standard deviations: what
         the effects gain is counted from there.
+    sizes_known : bool
+        The sizes come from other recordings: nothing of the effects is fitted to this one.
     """
     stage = after.stage
     bare = replace(stage, machine=context.machine)
@@ -99,11 +102,11 @@ def hold_out(
     for effect in effects:
         if not of_machine(effect):
             change = change + measured_change(stage, after, effect)
-    folds, split = folds_of(stage, effects)
+    folds, split = folds_of(stage, () if sizes_known else effects)
     if not folds:
         return HeldOut(split, 0, None)
     shaking = any(effect.cause in SHAKING for effect in effects)
-    seen = _seen(bare, plain, base, change, folds)
+    seen = _seen(bare, plain, base, change, folds, sizes_known)
     return _scores(
         bare, seen, split, seed, np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     )
@@ -146,7 +149,12 @@ def folds_of(stage: Stage, effects: Sequence[Proposal]) -> tuple[list[list[tuple
 
 
 def _seen(
-    stage: Stage, plain: Floats, base: Floats, change: Floats, folds: list[list[tuple[int, int]]]
+    stage: Stage,
+    plain: Floats,
+    base: Floats,
+    change: Floats,
+    folds: list[list[tuple[int, int]]],
+    sizes_known: bool,
 ) -> list[Seen]:
     """Return every held-out block with what is left of the recording without and with effects."""
     n = len(stage.observation.index)
@@ -166,7 +174,7 @@ def _seen(
         white, one = whiten(residual[:, :, None])[:, 0], whiten(change[:, :, None])
         right, gram = inner_products(fit(white, columns), one)
         # of the wrong sign it is no gain, however well it fits
-        size = max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
+        size = 1.0 if sizes_known else max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
         again = fit(white - size * one[:, 0], columns)
         left = before - np.tensordot(stage.nuisance.columns, alone.sizes, 1)
         better = residual - size * change

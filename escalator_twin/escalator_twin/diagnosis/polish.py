@@ -92,10 +92,10 @@ def polish(
         fit_one = fit_one.taken_anew(effects, at, jobs)
     tangent = dict(at)
     place = fit_one.beside(effects, at)
-    white = fit_one.columns(place, effects)
-    for k in range(steps):
-        if k > 0:
-            white = fit_one.columns(place, effects)
+    spreads = tuple(dict[str, float]() for _ in effects)
+    for _ in range(steps):
+        white = fit_one.columns(place, effects)
+        spreads = _spreads(place, effects, white)
         trial = fit_one.step(place, effects, white)
         if trial is None:
             break
@@ -108,7 +108,34 @@ def polish(
             tangent = dict(place.stage.turned)
             fit_one = fit_one.taken_anew(effects, tangent, jobs)
             place = fit_one.beside(effects, tangent)
-    return Polished(fit_one.context, place, effects, _spreads(place, effects, white))
+    return Polished(fit_one.context, place, effects, spreads)
+
+
+def increments(
+    context: Context,
+    place: Beside,
+    effects: Sequence[Proposal],
+    known: tuple[Deviation, ...] = (),
+) -> tuple[tuple[Proposal, ...], tuple[dict[str, float], ...]]:
+    """Return effects as one recording alone would have them, by one step, and their spreads.
+
+    Parameters
+    ----------
+    context : Context
+    place : Beside
+        The machine with the effects.
+    effects : sequence of Proposal
+        Of the machine.
+    known : tuple of Deviation
+        More of its effects, whose numbers stay.
+    """
+    effects = tuple(effects)
+    white = _Fit(context, known, None).columns(place, effects)
+    fitted, _ = _free(place, effects)
+    right, gram = inner_products(fitted, white)
+    delta = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+    found = tuple(_moved(effects, delta, place.stage.machine_length))
+    return found, _spreads(place, effects, white)
 
 
 def judged(place: Beside, effects: Sequence[Proposal]) -> float:

@@ -15,6 +15,7 @@ from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
 STEPS = 3
+SHORTER_M = 0.02  # than the design path may a machine's be, its tolerances turned
 SETTLED = 0.5  # a fit ends when chi squared is predicted to fall by less than this
 
 # Differences for parameters that do not size an effect, and for places along the guide.
@@ -90,7 +91,7 @@ def changed(proposal: Proposal, values: Mapping[str, float], length_m: float) ->
     bounds = {p.name: (p.low, p.high) for p in CAUSES[proposal.cause].parameters}
     for key, value in values.items():
         if key.startswith('@'):
-            location[key[1:]] = float(np.clip(value, 0.0, length_m))
+            location[key[1:]] = float(np.clip(value, 0.0, length_m - SHORTER_M))
         else:
             low, high = bounds[key]
             if key == 'phase_rad':

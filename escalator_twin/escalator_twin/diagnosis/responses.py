@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -133,19 +134,11 @@ def find_responses(
     frame = Frame.of(machine, experiment.set_speed_m_s)
     every = all_probes()
     base = simulate_loop(machine, experiment, frame, every)
-    stops = _stop_levels(base)
     is_loaded = max(experiment.load_per_step_kg) > 0.0
     tasks: dict[object, Callable[[], Columns]] = {}
 
     def cause_task(deviation: Deviation, size: float) -> Callable[[], Columns]:
-        def work() -> Columns:
-            loop = simulate_loop(machine, experiment, frame, every, (deviation,), base.rack_m)
-            change: Columns = (loop.columns - base.columns) / np.float32(size)
-            if deviation.cause not in SHAKING:
-                change[:, _shaken_columns(machine.chain.n_links)] = 0.0
-            return change
-
-        return work
+        return partial(_change, machine, experiment, base, frame, deviation, size)
 
     for name, (deviation, size) in {**ALL_PLACES, **WHOLE}.items():
         if name in ('load_distribution', 'load_offset') and not is_loaded:
@@ -155,14 +148,6 @@ def find_responses(
         tasks['eccentric', k] = cause_task(
             _tread('roller_eccentricity', ECCENTRICITY_M, phase), ECCENTRICITY_M
         )
-    for key in FAR:
-        name, parameter, value = key
-        place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
-        tasks['far', *key] = cause_task(Deviation(name, {parameter: value}, place), 1.0)
-    for level in stops:
-        tasks['stop', level] = cause_task(
-            Deviation('tensioner_stop', {'displacement_m': level}), 1.0
-        )
     found = _run(tasks, jobs, progress)
     return Responses(
         frame,
@@ -171,9 +156,63 @@ def find_responses(
         {name: found[name] for name in WHOLE if name in found},
         {name: found[name] for name in ALL_PLACES if name in found},
         found['eccentric', 0] + 1j * found['eccentric', 1],
-        {key: found['far', *key] for key in FAR},
-        {level: found['stop', level] for level in stops},
+        {},
+        {},
         machine.roller.diameter_m / 2.0,
+    )
+
+
+def _change(
+    machine: Machine,
+    experiment: Experiment,
+    base: Loop,
+    frame: Frame,
+    deviation: Deviation,
+    size: float = 1.0,
+) -> Columns:
+    """Simulate one loop with a deviation; return what it changes, over ``size``."""
+    loop = simulate_loop(machine, experiment, frame, all_probes(), (deviation,), base.rack_m)
+    change: Columns = (loop.columns - base.columns) / np.float32(size)
+    if deviation.cause not in SHAKING:
+        change[:, _shaken_columns(machine.chain.n_links)] = 0.0
+    return change
+
+
+def find_far(
+    machine: Machine, experiment: Experiment, responses: Responses, jobs: int = 1
+) -> Responses:
+    """Simulate one loop for every cause whose small change says little about a large one.
+
+    Parameters
+    ----------
+    machine : Machine
+    experiment : Experiment
+        At the responses' speed.
+    responses : Responses
+        Of the same machine: its loop without a cause.
+    jobs : int
+
+    Returns
+    -------
+    responses : Responses
+        With ``far`` and ``stops``.
+    """
+    frame, base = responses.frame, responses.base
+    stops = _stop_levels(base)
+    tasks: dict[object, Callable[[], Columns]] = {}
+    for key in FAR:
+        name, parameter, value = key
+        place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
+        deviation = Deviation(name, {parameter: value}, place)
+        tasks[key] = partial(_change, machine, experiment, base, frame, deviation)
+    for level in stops:
+        deviation = Deviation('tensioner_stop', {'displacement_m': level})
+        tasks[level] = partial(_change, machine, experiment, base, frame, deviation)
+    found = _run(tasks, jobs, None)
+    return replace(
+        responses,
+        far={key: found[key] for key in FAR},
+        stops={level: found[level] for level in stops},
     )
 
 

@@ -1,12 +1,13 @@
 """Run the twin with what a search proposes, and fit the best of it together with the tolerances."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from escalator_twin.causes.registry import CAUSES
+from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
 from escalator_twin.diagnosis.free import FREED, freed
@@ -54,6 +55,7 @@ def try_all(
     known: Sequence[Proposal],
     contenders: Sequence[Proposal],
     jobs: int,
+    afar: Afar | None = None,
 ) -> list[Tried]:
     """Refine contenders with the twin, then fit the best together with everything else.
 
@@ -68,6 +70,8 @@ def try_all(
         Of the machine.
     jobs : int
         Simulations at a time.
+    afar : Afar, optional
+        More of them, for the machine as described.
 
     Returns
     -------
@@ -89,17 +93,53 @@ def try_all(
         refined.sort(key=lambda r: -r.gain)
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
         fitted_again = list(pool.map(lambda r: _fitted(context, place, known, r), leading))
+        if afar is not None:
+            fitted_again += _tried_afar(context, afar, place, known, pool)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
     tried = _locked(context, place, fitted_again + rest)
     return sorted(tried, key=lambda t: -t.gain)
+
+
+def _tried_afar(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    pool: ThreadPoolExecutor,
+) -> list[Tried]:
+    """Fit what was sought from the machine as described, beginning there."""
+    base = afar.place
+    first = pool.map(
+        lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
+    )
+    refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
+    leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
+    fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}), leading)
+    found = []
+    for tried in fitted:
+        if tried.polished is not None:
+            # from here on with what every other cause does
+            knobs = tried.polished.context.responses.knobs
+            whole = replace(context, responses=replace(context.responses, knobs=knobs))
+            found.append(replace(tried, polished=replace(tried.polished, context=whole)))
+    return found
 
 
 def _plain(refined: Refined) -> Tried:
     return Tried(refined.proposal, refined.gain, dict(refined.sd))
 
 
-def _fitted(context: Context, place: Beside, known: Sequence[Proposal], refined: Refined) -> Tried:
-    """Fit a refined cause together with the tolerances and what is known already."""
+def _fitted(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    refined: Refined,
+    turned: Mapping[str, float] | None = None,
+) -> Tried:
+    """Fit a refined cause together with the tolerances and what is known already.
+
+    ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
+    """
     if refined.proposal.cause in DRIVE:
         return _realigned(context, place, refined)
     of_machine = [k for k in known if CAUSES[k.cause].of_machine]
@@ -110,7 +150,7 @@ def _fitted(context: Context, place: Beside, known: Sequence[Proposal], refined:
         polished = polish(
             context,
             [*again, refined.proposal],
-            place.stage.turned,
+            place.stage.turned if turned is None else turned,
             fixed,
             lambda p: freed(p, known),
             refined.proposal.cause in MOVES_RESONANCE,
@@ -119,7 +159,7 @@ def _fitted(context: Context, place: Beside, known: Sequence[Proposal], refined:
         return _plain(refined)
     proposal = polished.effects[-1]
     gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
-    if gain <= 0.5 * refined.gain:
+    if turned is None and gain <= 0.5 * refined.gain:
         return _plain(refined)
     return Tried(proposal, gain, polished.sd[-1], polished)
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from escalator_twin.diagnosis.afar import look_afar
 from escalator_twin.diagnosis.context import Beside, beside, Context, tuned
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.polish import Polished
@@ -105,7 +106,11 @@ def walk(
             break
         known = [*start, *(f.proposal for f in found)]
         proposals = propose(context, place, jobs)
-        tried = try_all(context, place, known, choose(proposals), jobs)
+        # a machine whose tolerances explain all needs no search from afar
+        afar = look_afar(context, jobs) if not known and is_open(place) else None
+        if afar is not None:
+            afar = replace(afar, proposals=choose(afar.proposals))
+        tried = try_all(context, place, known, choose(proposals), jobs, afar)
         weighed = weigh(_candidates(proposals, tried))
         if say is not None:
             for row in weighed[:4]:
