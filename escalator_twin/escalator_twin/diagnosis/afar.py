@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.responses import find_far
-from escalator_twin.diagnosis.search import far, Search, search_all, stops, tolerances, whole
+from escalator_twin.diagnosis.search import Search, search_all
+from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 from escalator_twin.diagnosis.view import View
 from escalator_twin.errors import EscalatorError
 

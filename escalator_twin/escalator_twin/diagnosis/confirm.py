@@ -30,7 +30,8 @@ from escalator_twin.diagnosis.polish import increments
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.regression import inner_products
-from escalator_twin.diagnosis.search import gains, Search
+from escalator_twin.diagnosis.search import Search
+from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.trial import DRIVE, MOVES_RESONANCE
 from escalator_twin.diagnosis.unexplained import look, Unexplained

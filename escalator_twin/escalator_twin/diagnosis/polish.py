@@ -28,6 +28,7 @@ from escalator_twin.signals import Floats
 Free = Callable[[Beside], Beside]
 
 STEPS = 3
+ANEW = 1  # times that the tolerances' effect is taken anew on the way
 SHARES = (1.0, 0.4)
 SETTLED = 0.01  # of chi squared: a step that gains less ends the fit
 
@@ -93,6 +94,7 @@ def polish(
     tangent = dict(at)
     place = fit_one.beside(effects, at)
     spreads = tuple(dict[str, float]() for _ in effects)
+    left = ANEW
     for _ in range(steps):
         white = fit_one.columns(place, effects)
         spreads = _spreads(place, effects, white)
@@ -104,7 +106,8 @@ def polish(
         if gained < SETTLED * judged(place, effects):
             break
         away = [abs(z - tangent.get(k, 0.0)) for k, z in place.stage.turned.items()]
-        if max(away, default=0.0) > FAR_TURNED:
+        if left and max(away, default=0.0) > FAR_TURNED:
+            left -= 1
             tangent = dict(place.stage.turned)
             fit_one = fit_one.taken_anew(effects, tangent, jobs)
             place = fit_one.beside(effects, tangent)

@@ -268,6 +268,3 @@ def _frame_force(search: Search) -> tuple[Floats, float]:
     probes = np.array([(run.FRAME, 0, 0)], dtype=np.int64)
     record = simulation.advance(stage.setting.duration_s, RATE_HZ, probes)
     return record[:, 0], RATE_HZ
-
-
-MORE = (rail_steps, drive_waves, frame_bounce)

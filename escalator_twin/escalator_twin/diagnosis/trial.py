@@ -18,6 +18,7 @@ from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
 CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
+CLOSEST = 0.85  # the same of what was sought from afar
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Causes that change the machine so much that its tolerances act otherwise.
 MOVES_RESONANCE = frozenset({
@@ -113,7 +114,7 @@ def _tried_afar(
         lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
-    leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
+    leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
     fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}), leading)
     found = []
     for tried in fitted:

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 from escalator_twin.diagnosis.afar import look_afar
 from escalator_twin.diagnosis.context import Beside, beside, Context, tuned
+from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.search import FAMILIES, Search, search_all
-from escalator_twin.diagnosis.search_more import MORE
+from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import Tried, try_all
 from escalator_twin.diagnosis.unexplained import is_open
 from escalator_twin.diagnosis.verdict import evidence_of, size_in_tolerances, weigh, Weighed
@@ -106,8 +106,7 @@ def walk(
             break
         known = [*start, *(f.proposal for f in found)]
         proposals = propose(context, place, jobs)
-        # a machine whose tolerances explain all needs no search from afar
-        afar = look_afar(context, jobs) if not known and is_open(place) else None
+        afar = None if known else look_afar(context, jobs)
         if afar is not None:
             afar = replace(afar, proposals=choose(afar.proposals))
         tried = try_all(context, place, known, choose(proposals), jobs, afar)
@@ -173,7 +172,7 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
         context.setting.experiment.direction,
     )
     search = Search(view, place.fitted, place.stage, place.model, jobs)
-    return search_all(search, FAMILIES + MORE)
+    return search_all(search, FAMILIES)
 
 
 def choose(proposals: Sequence[Proposal]) -> list[Proposal]:
