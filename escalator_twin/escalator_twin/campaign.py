@@ -14,8 +14,9 @@ from escalator_twin.diagnosis.campaign import (
     union_of,
 )
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
-from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis, told
+from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.telling import told
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.walk import Found
 from escalator_twin.machine import load_machine
@@ -127,6 +128,7 @@ def diagnose_together(
         'candidates': _candidates(scouts),
         'unexplained': _unexplained([row['unexplained'] for row in by_recording]),
         'gain': joint_gain(confirmed, seed) if confirmed else _own_gain(scouts),
+        'would_change': list(dict.fromkeys(line for s in scouts for line in s.would_change)),
         'by_recording': by_recording,
     }
     return document, joint
@@ -140,6 +142,7 @@ def _searched(scout: Diagnosis) -> dict[str, Any]:
         'candidates': scout.candidates,
         'unexplained': rest_of(scout.unexplained),
         'gain': scout.held_out.document() if scout.held_out else None,
+        'residual': scout.residual,
     }
 
 
@@ -151,6 +154,7 @@ def _confirmed(one: Confirmed) -> dict[str, Any]:
         'candidates': [],
         'unexplained': rest_of(one.unexplained),
         'gain': one.held_out.document(),
+        'residual': one.residual,
     }
 
 

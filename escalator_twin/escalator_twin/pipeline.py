@@ -205,6 +205,7 @@ def _document(diagnosis: Diagnosis) -> dict[str, Any]:
         'candidates': diagnosis.candidates,
         'unexplained': rest,
         'gain': gain,
+        'would_change': diagnosis.would_change,
         'by_recording': [
             {
                 'path': diagnosis.document['path'],
@@ -212,6 +213,7 @@ def _document(diagnosis: Diagnosis) -> dict[str, Any]:
                 'candidates': diagnosis.candidates,
                 'unexplained': rest,
                 'gain': held.document() if held else None,
+                'residual': diagnosis.residual,
             }
         ],
     }

@@ -14,9 +14,10 @@ import numpy as np
 
 from escalator_twin.causes.registry import CAUSES
 from escalator_twin.diagnosis.confirm import Confirmed
-from escalator_twin.diagnosis.diagnose import Diagnosis, LAW_ERROR, NAMED, told, told_fault
+from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.telling import LAW_ERROR, told, told_fault
 from escalator_twin.diagnosis.walk import Found
 from escalator_twin.signals import Experiment, Floats
 

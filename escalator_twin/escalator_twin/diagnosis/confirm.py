@@ -32,6 +32,7 @@ from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.regression import inner_products
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
+from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.trial import DRIVE, MOVES_RESONANCE
 from escalator_twin.diagnosis.unexplained import look, Unexplained
@@ -58,6 +59,8 @@ class Confirmed:
     held_out : HeldOut
         Gain with the others' sizes.
     faults : tuple of Fault
+    residual : mapping
+        What is left without and with the effects, by channel, see `split`.
     """
 
     document: dict[str, Any]
@@ -66,6 +69,7 @@ class Confirmed:
     unexplained: Unexplained
     held_out: HeldOut
     faults: tuple[Fault, ...]
+    residual: dict[str, Any]
 
 
 def confirm_recording(
@@ -130,6 +134,7 @@ def confirm_recording(
         look(context, before, after),
         held,
         tuple(faults_of(context.setting, machine)),
+        {'before': split(context, before), 'after': split(context, after)},
     )
 
 
