@@ -31,6 +31,7 @@ TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
 STEP_SHARES = (1.0, 0.4)
 ROUNDS = 2  # of taking the tolerances' effect anew
+WEAK = 2.0  # chi squared of one standard deviation
 WORTH_A_ROUND = 0.05  # of chi squared: a round that gains less is the last one
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
 
@@ -53,6 +54,8 @@ class Context:
         The machine as described, its tolerances tuned.
     nominal : Nominal or None
         The same with no tolerance turned.
+    weak : frozenset of str
+        Tolerances that hardly show in this recording: what they do is not taken anew.
     """
 
     recording: Recording
@@ -63,6 +66,7 @@ class Context:
     start_m: float
     place: 'Beside | None' = None
     nominal: 'Nominal | None' = None
+    weak: frozenset[str] = frozenset()
 
     @property
     def frame(self) -> Frame:
@@ -123,12 +127,24 @@ def prepare(
     context = prepare_tolerances(recording, machine, floor, jobs, setting)
     start = beside(context, steps=0)
     nominal = Nominal(start, context.responses)
+    context = replace(context, weak=_weak(start.stage))
     context, place = tuned(context, jobs=jobs, start=start)
     experiment = context.setting.experiment
     knobs = knobs_of(machine, experiment)
     turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
     responses = find_responses(turned_machine, turned, context.responses.knobs, jobs, progress)
     return replace(context, responses=responses, place=place, nominal=nominal)
+
+
+def _weak(stage: Stage) -> frozenset[str]:
+    """Return the tolerances of which one standard deviation hardly shows."""
+    power = np.sum(stage.white_nuisance**2, axis=0)
+    knobs = {knob.name for knob in stage.knobs}
+    return frozenset(
+        name
+        for name, p in zip(stage.nuisance.names, power, strict=True)
+        if name in knobs and p < WEAK
+    )
 
 
 def prepare_tolerances(
@@ -249,7 +265,8 @@ def with_own_tolerances(
         machine, experiment, knobs_of(machine, experiment), turned or {}
     )
     speed = context.responses.frame.speed_m_s
-    knobs = find_knobs(turned_machine, setting, speed, jobs)
+    knobs = find_knobs(turned_machine, setting, speed, jobs, context.weak)
+    knobs = {**context.responses.knobs, **knobs}
     return replace(context, responses=replace(context.responses, knobs=knobs))
 
 

@@ -16,6 +16,7 @@ from escalator_twin.signals import Floats
 
 STEPS = 3
 SHORTER_M = 0.02  # than the design path may a machine's be, its tolerances turned
+SHARES = (1.0, 0.4)  # of a step that are tried
 SETTLED = 0.5  # a fit ends when chi squared is predicted to fall by less than this
 
 # Differences for parameters that do not size an effect, and for places along the guide.
@@ -138,7 +139,7 @@ def refine(
         if right @ step < SETTLED:
             break
         trial, model, after = proposal, current, best
-        for shrink in (1.0, 0.4, 0.15):
+        for shrink in SHARES:
             way = {
                 key: moved(proposal, key, shrink * float(delta))
                 for key, delta in zip(keys, step, strict=True)

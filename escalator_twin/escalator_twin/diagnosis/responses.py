@@ -1,6 +1,6 @@
 """What every tolerance and every cause does to the signals of one experiment, per loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -229,7 +229,11 @@ def tolerances_only(machine: Machine, experiment: Experiment, jobs: int = 1) -> 
 
 
 def find_knobs(
-    machine: Machine, experiment: Experiment, speed_m_s: float, jobs: int = 1
+    machine: Machine,
+    experiment: Experiment,
+    speed_m_s: float,
+    jobs: int = 1,
+    left_out: Container[str] = (),
 ) -> dict[str, Columns]:
     """Simulate one loop for every tolerance of a machine with its deviations.
 
@@ -251,7 +255,7 @@ def find_knobs(
 
         return work
 
-    knobs = knobs_of(machine, experiment)
+    knobs = [knob for knob in knobs_of(machine, experiment) if knob.name not in left_out]
     found = _run({knob.name: task(knob) for knob in knobs}, jobs, None)
     return {knob.name: found[knob.name] for knob in knobs}
 

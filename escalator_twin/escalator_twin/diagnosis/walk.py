@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.search import Search, search_all
-from escalator_twin.diagnosis.trial import Tried, try_all
+from escalator_twin.diagnosis.trial import MOVES_RESONANCE, Tried, try_all
 from escalator_twin.diagnosis.unexplained import is_open
 from escalator_twin.diagnosis.verdict import evidence_of, size_in_tolerances, weigh, Weighed
 from escalator_twin.diagnosis.view import View
@@ -107,9 +107,12 @@ def walk(
         known = [*start, *(f.proposal for f in found)]
         proposals = propose(context, place, jobs)
         afar = None if known else look_afar(context, jobs)
+        chosen = choose(proposals)
         if afar is not None:
             afar = replace(afar, proposals=choose(afar.proposals))
-        tried = try_all(context, place, known, choose(proposals), jobs, afar)
+            sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
+            chosen = [p for p in chosen if p.cause not in sought]
+        tried = try_all(context, place, known, chosen, jobs, afar)
         weighed = weigh(_candidates(proposals, tried))
         if say is not None:
             for row in weighed[:4]:
