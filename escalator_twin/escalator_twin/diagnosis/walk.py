@@ -26,6 +26,7 @@ ACCEPT = 0.5  # probability from which an effect is accepted and taken out befor
 # through the same part.
 SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
+HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
 KIN = (
     frozenset({
         'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
@@ -106,6 +107,9 @@ def walk(
             break
         known = [*start, *(f.proposal for f in found)]
         proposals = propose(context, place, jobs)
+        if not any(_may_stand(p, found) for p in proposals):
+            weighed = weigh(_candidates(proposals, []))
+            break
         afar = None if known else look_afar(context, jobs)
         chosen = choose(proposals)
         if afar is not None:
@@ -120,7 +124,7 @@ def walk(
                     f'{row.proposal.cause} {row.proposal.location} gain {row.gain:.1f} '
                     f'p {row.probability:.3f}'
                 )
-        if not weighed or weighed[0].probability < ACCEPT or is_left_over(weighed[0], found):
+        if not weighed or weighed[0].probability < ACCEPT or _is_rest(weighed[0], found):
             break
         top = weighed[0]
         match = next((t for t in tried if t.proposal is top.proposal), None)
@@ -155,13 +159,21 @@ def _refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
     return again
 
 
-def is_left_over(top: Weighed, found: Sequence[Found]) -> bool:
+def _is_rest(top: Weighed, found: Sequence[Found]) -> bool:
+    return is_left_over(top.proposal.cause, top.gain, found)
+
+
+def _may_stand(proposal: Proposal, found: Sequence[Found]) -> bool:
+    """Tell whether a proposal may, fitted, be more than what the accepted laws leave."""
+    return not is_left_over(proposal.cause, HOPE * proposal.gain, found)
+
+
+def is_left_over(cause: str, gain: float, found: Sequence[Found]) -> bool:
     """Tell whether a further effect is no more than what an accepted law leaves."""
     for earlier in found:
-        kin = any({top.proposal.cause, earlier.proposal.cause} <= group for group in KIN)
-        same = top.proposal.cause == earlier.proposal.cause
-        share = SHARE_OF_KIN if kin or same else SHARE_OF_FIRST
-        if top.gain < share * earlier.gain:
+        kin = any({cause, earlier.proposal.cause} <= group for group in KIN)
+        share = SHARE_OF_KIN if kin or cause == earlier.proposal.cause else SHARE_OF_FIRST
+        if gain < share * earlier.gain:
             return True
     return False
 
