@@ -24,13 +24,24 @@ NUDGES = {
     'phase_rad': 0.2,
     'displacement_m': 1e-4,
     '@s_m': 0.01,
-    '@s_from_m': 0.05,
-    '@s_to_m': 0.05,
+    '@s_from_m': 0.1,
+    '@s_to_m': 0.1,
     'frequency_hz': 5e-4,
     'cycles_per_pitch': 5e-4,
     'damping_ratio': 5e-3,
 }
 NUDGES_OF = {('guide_step', 'length_m'): 5e-3, ('truss_resonance', 'frequency_hz'): 0.03}
+# Of sizes that are differentiated where they are, a good part of the size: two runs differ by rattling
+# as well, and a small difference would be made of that.
+NUDGE_SHARE = 0.35
+LEAST_NUDGE = {
+    ('tensioner_friction', 'force_N'): 20.0,
+    ('tensioner_stiffness', 'factor'): 0.04,
+    ('tensioner_preload', 'factor'): 0.04,
+    ('rolling_resistance', 'factor'): 0.15,
+    ('landing_length', 'delta_m'): 2e-3,
+    ('chain_elongation', 'length_m'): 1e-5,
+}
 # Sizes whose response bends: dry friction, stops and springs near a resonance.
 BENT = {
     ('tensioner_friction', 'force_N'),
@@ -253,6 +264,9 @@ def _nudge(proposal: Proposal, key: str, value: float, neutral: float | None) ->
         return NUDGES_OF[proposal.cause, key]
     if key in NUDGES:
         return NUDGES[key]
+    if (proposal.cause, key) in LEAST_NUDGE:
+        least = LEAST_NUDGE[proposal.cause, key]
+        return max(NUDGE_SHARE * abs(value - (neutral or 0.0)), least)
     if neutral is not None and value != neutral:
         return 0.1 * (value - neutral)
     return 0.05 * abs(value) or 1e-6

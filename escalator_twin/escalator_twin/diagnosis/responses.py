@@ -18,7 +18,7 @@ from escalator_twin.signals import Experiment
 Columns = np.ndarray  # float32
 Progress = Callable[[float, float], None]
 
-KNOB_STEP = 1.0  # standard deviations: far above the rounding of a rattling roller
+KNOB_STEP = 2.0  # standard deviations: far above what rattling rollers make of any change
 FLAT_PHASES = 12
 STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
 # Sizes at which a cause's response is taken: the reference of contracts.md, or half of it where
