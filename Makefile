@@ -5,8 +5,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := setup
-.PHONY: setup demo test test-long bench bench-deps bench-diagnosis campaign hidden floor kwon-floor \
-    lint lock clean
+.PHONY: setup demo test test-long bench bench-deps bench-diagnosis campaign campaign-diagnosis \
+    hidden floor kwon-floor lint lock clean
 
 PYTEST_ARGS ?=
 
@@ -41,6 +41,14 @@ campaign: setup
 	@mkdir -p out
 	.venv/bin/escalator-twin compare $(BAGS) --machine $(MACHINE) --json out/campaign.json
 	.venv/bin/escalator-twin report out/campaign.json --out out/campaign.html
+
+# All recordings of one machine, diagnosed together, as a page of text:
+# make campaign-diagnosis BAGS="DIR/*" [MACHINE=YAML] [PAGE=docs/campaign.md] [JOBS=2]
+PAGE ?= docs/campaign.md
+campaign-diagnosis: JOBS = 2
+campaign-diagnosis: setup
+	@exec .venv/bin/python -m benchmarks.campaign $(BAGS) --machine $(MACHINE) --out $(PAGE) \
+	    --jobs $(JOBS)
 
 # Recordings in which something is hidden, by the independent generator; the truth lies apart.
 # make hidden N=20 SEED=5 OUT=DIR [JOBS=2] [HIDDEN_ARGS='--sizes reference --recordings 4']

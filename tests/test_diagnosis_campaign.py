@@ -1,81 +1,169 @@
 """What several recordings of one machine say together."""
 
+from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
+
 import pytest
 
-from escalator_twin.diagnosis.campaign import pooled, same
+from escalator_twin.diagnosis.campaign import (
+    choose_scouts,
+    decide,
+    joint_gain,
+    pooled,
+    same,
+    told_jointly,
+    union_of,
+)
+from escalator_twin.diagnosis.faults import Fault
+from escalator_twin.diagnosis.heldout import HeldOut
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.walk import Found
+from escalator_twin.signals import Experiment
 
 pytestmark = pytest.mark.issue(7)
 
 
-def drag(force=120.0, half=10.0, probability=0.9, axle=44, alternatives=()):
-    return {
-        'cause': 'roller_drag',
-        'location': {'axle': axle, 'side': 'left'},
-        'parameters': {'force_N': {'value': force, 'low': force - half, 'high': force + half}},
-        'probability': probability,
-        'alternatives': list(alternatives),
-    }
+def drag(force=120.0, axle=44):
+    place: dict[str, object] = {'axle': axle, 'side': 'left'}
+    return Proposal('roller_drag', place, {'force_N': force}, 1e3, fitted=('force_N',))
 
 
-def step(s_m, **more):
-    return {**drag(**more), 'cause': 'guide_step', 'location': {'s_m': s_m, 'side': 'left'}}
+def step(s_m):
+    place: dict[str, object] = {'s_m': s_m, 'side': 'left'}
+    return Proposal(
+        'guide_step', place, {'height_m': 1e-3, 'length_m': 0.06}, 1e3, fitted=('height_m', '@s_m')
+    )
 
 
-def test_a_single_recording_is_what_it_says():
-    (effect,) = pooled([[drag()]])
-    force = effect['parameters']['force_N']
-    assert (force['value'], force['low'], force['high']) == pytest.approx((120.0, 110.0, 130.0))
-    assert effect['probability'] == pytest.approx(0.9)
-    assert (effect['recordings'], effect['of']) == (1, 1)
+def found(proposal, sd=5.0, probability=0.9):
+    return Found(proposal, probability, {proposal.fitted[0]: sd}, 500.0, ())
 
 
-def test_sizes_are_weighed_by_their_intervals():
-    # weights 1 / 10^2 and 1 / 20^2: (4 * 118 + 124) / 5, half width 20 / sqrt(5)
-    (effect,) = pooled([[drag(118.0, 10.0)], [drag(124.0, 20.0)]])
-    force = effect['parameters']['force_N']
-    assert force['value'] == pytest.approx(119.2)
-    assert force['high'] - force['value'] == pytest.approx(20.0 / 5**0.5, rel=1e-6)
-    assert effect['recordings'] == 2
+def scout(*pairs):
+    return SimpleNamespace(found=pairs)
+
+
+def other(*rows):
+    """Return another recording: of each effect its own proposal and standard deviation."""
+    return SimpleNamespace(
+        effects=tuple(p for p, _ in rows),
+        sd=tuple({p.fitted[0]: sd} for p, sd in rows),
+    )
+
+
+def test_sizes_are_weighed_by_what_they_are_known_to():
+    # a law's 2 % of 124 N beside 1 N and 4 N
+    one, two = (2.48**2 + 1.0) ** -1.0, (2.48**2 + 16.0) ** -1.0
+    joined = pooled([(drag(118.0), {'force_N': 1.0}), (drag(124.0), {'force_N': 4.0})])
+    expected = (118.0 * one + 124.0 * two) / (one + two)
+    assert joined.proposal.parameters['force_N'] == pytest.approx(expected)
+    assert joined.sd['force_N'] >= (one + two) ** -0.5
 
 
 def test_sizes_that_scatter_more_than_they_say_widen_the_interval():
-    (effect,) = pooled([[drag(100.0, 1.0)], [drag(140.0, 1.0)]])
-    force = effect['parameters']['force_N']
-    assert force['low'] < 100.0 < 140.0 < force['high']
+    joined = pooled([(drag(100.0), {'force_N': 0.1}), (drag(140.0), {'force_N': 0.1})])
+    assert joined.proposal.parameters['force_N'] == pytest.approx(120.0, rel=0.01)
+    assert joined.sd['force_N'] > 15.0
 
 
-def test_recordings_that_agree_are_surer_together():
-    (effect,) = pooled([[drag(probability=0.8)], [drag(probability=0.7)]])
-    assert effect['probability'] == pytest.approx(1.0 - 0.2 * 0.3)
+def test_places_along_the_guide_are_pooled_and_phases_are_not():
+    rows = [(step(3.0), {'height_m': 1e-5, '@s_m': 0.01}), (step(3.1), {'@s_m': 0.01})]
+    assert pooled(rows).proposal.location['s_m'] == pytest.approx(3.05)
+    turning = replace(drag(), parameters={'force_N': 120.0, 'phase_rad': 1.0})
+    away = replace(turning, parameters={'force_N': 120.0, 'phase_rad': -1.0})
+    rows = [(p, {'force_N': 1.0, 'phase_rad': 0.1}) for p in (turning, away)]
+    assert pooled(rows).proposal.parameters['phase_rad'] == 1.0
 
 
-def test_what_one_of_many_alone_says_is_not_taken():
-    assert pooled([[drag()], *[[]] * 15]) == []
-    many = pooled([[drag()]] * 6 + [[]] * 10)
-    assert [effect['recordings'] for effect in many] == [6]
-
-
-def test_places_stay_apart():
-    effects = pooled([[drag(axle=44), drag(axle=45, probability=0.6)]])
-    assert [e['location']['axle'] for e in effects] == [44, 45]
-
-
-def test_nearby_places_of_the_guide_are_one():
+def test_nearby_places_of_the_guide_are_one_and_others_are_not():
     assert same(step(3.0), step(3.2))
     assert not same(step(3.0), step(3.5))
     assert not same(step(3.0), drag())
-    one = {'cause': 'load_distribution', 'location': {'steps': [2, 3, 4]}}
-    other = {'cause': 'load_distribution', 'location': {'steps': [3, 4, 5]}}
-    away = {'cause': 'load_distribution', 'location': {'steps': [12, 13, 14]}}
-    assert same(one, other)
-    assert not same(one, away)
+    assert not same(drag(axle=44), drag(axle=45))
+    loads = [
+        Proposal('load_distribution', {'steps': steps}, {'load_factor': 0.0}, 1.0)
+        for steps in ([2, 3, 4], [3, 4, 5], [12, 13, 14])
+    ]
+    assert same(loads[0], loads[1])
+    assert not same(loads[0], loads[2])
 
 
-def test_only_alternatives_that_all_leave_open_stay():
-    both = drag(alternatives=['step_mass'])
-    assert pooled([[both], [both]])[0]['alternatives'] == ['step_mass']
-    assert pooled([[both], [drag(probability=0.5)]])[0]['alternatives'] == []
+def test_union_holds_every_named_effect_once_and_leaves_doubts_out():
+    groups = union_of([
+        scout((found(drag(118.0)), 0.8), (found(step(3.0)), 0.4)),
+        scout((found(drag(122.0)), 0.95)),
+        scout((found(drag(axle=9)), 0.7)),
+    ])  # fmt: skip
+    assert [[f.proposal.location['axle'] for f, _ in g] for g in groups] == [[44, 44], [9]]
+    assert groups[0][0][1] == 0.95
 
 
-def test_nothing_named_is_nothing_together():
-    assert pooled([[], [], []]) == []
+def test_what_other_recordings_confirm_is_surer_and_its_size_is_everybodys():
+    groups = union_of([scout((found(drag(130.0), 2.0), 0.6))])
+    (joint,) = decide(groups, 4, [other((drag(120.0), 2.0)) for _ in range(12)])
+    assert joint.probability >= 0.97
+    assert joint.found.proposal.parameters['force_N'] == pytest.approx(120.8, abs=0.5)
+    assert joint.recordings == 13
+
+
+def test_what_other_recordings_do_not_find_is_not_accepted():
+    groups = union_of([scout((found(drag(120.0)), 0.99)), scout((found(drag(120.0)), 0.99))])
+    assert decide(groups, 4, [other((drag(8.0), 3.0)) for _ in range(12)]) == []
+    # of the other sign neither
+    assert decide(groups, 4, [other((drag(-100.0), 3.0)) for _ in range(12)]) == []
+
+
+def test_recordings_that_cannot_tell_leave_it_to_the_scouts():
+    blind = [other((drag(20.0), 200.0)) for _ in range(3)]
+    assert decide(union_of([scout((found(drag()), 0.9))]), 4, blind) == []
+    two = union_of([scout((found(drag()), 0.9)), scout((found(drag()), 0.8))])
+    (joint,) = decide(two, 4, blind)
+    assert joint.probability == pytest.approx(1.0 - 0.1 * 0.2)
+
+
+def test_with_nobody_to_confirm_one_of_many_is_not_enough():
+    one = union_of([scout((found(drag()), 0.9))])
+    assert decide(one, 4, []) == []
+    assert len(decide(one, 2, [])) == 1
+    assert decide([], 4, []) == []
+
+
+def test_scouts_are_the_corners_of_the_plan():
+    plan = [
+        Experiment(speed, way, (load,), preload)
+        for speed, way, load, preload in product(
+            (0.25, 0.5), (1, -1), (0.0, 75.0), (3000.0, 6000.0)
+        )
+    ]
+    chosen = choose_scouts(plan)
+    assert len(set(chosen)) == 4
+    for name in ('set_speed_m_s', 'direction', 'load_per_step_kg', 'preload_n'):
+        assert len({getattr(plan[k], name) for k in chosen}) == 2, name
+    assert choose_scouts(plan[:3]) == [0, 1, 2]
+    assert len(choose_scouts([None] * 6)) == 4
+
+
+def test_faults_of_single_recordings_are_told_with_their_number():
+    gap = Fault('data_gap', {'channels': ['a/b']}, {'from_s': (3.0, 2.9, 3.1)})
+    late = Fault('data_gap', {'channels': ['a/b']}, {'from_s': (5.0, 4.9, 5.1)})
+    (effect,) = told_jointly([], [[gap], [], [late]], 3)
+    assert (effect['recordings'], effect['of']) == (2, 3)
+    assert effect['parameters']['from_s'] == {'value': 4.0, 'low': 2.9, 'high': 5.1}
+
+
+def held(gain, chi2):
+    row = {'chi2_before': 4.0, 'chi2_after': chi2}
+    return SimpleNamespace(held_out=HeldOut('', 12, {'a/b': row}, gain - 0.01, gain + 0.01))
+
+
+def test_gain_is_over_recordings_that_no_size_was_fitted_to():
+    gain = joint_gain([held(0.5, 1.0), held(0.6, 2.0), held(0.7, 3.0)], 1)['held_out']
+    assert gain['blocks'] == 3
+    assert gain['channels']['a/b'] == {'chi2_before': 4.0, 'chi2_after': 2.0}
+    assert gain['significant']
+    low, high = gain['gain_interval']
+    assert 0.49 < low < 0.6 < high < 0.71
+    doubtful = joint_gain([held(0.4, 1.0), held(-0.5, 5.0), held(-0.1, 4.0)], 1)
+    assert not doubtful['held_out']['significant']
+    assert joint_gain([], 1)['held_out'] is None

@@ -26,6 +26,7 @@ LAYERS = (
     ('comparison',),
     ('diagnosis', 'verification'),
     ('report',),
+    ('campaign',),
     ('pipeline',),
     ('cli',),
     ('ros',),  # takes the case and the machine's place from the command line

@@ -5,17 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from escalator_twin import bagfile
+from escalator_twin.campaign import diagnose_bag, diagnose_together, rest_of
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.comparison.document import recording_document, SCHEMA
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, RATE_HZ, Setting
 from escalator_twin.comparison.parts import compare_in_parts, part_bounds
-from escalator_twin.diagnosis.campaign import pooled
-from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
+from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.extension import extension, write_extension
 from escalator_twin.errors import EscalatorError
 from escalator_twin.instruments import ideal, record
-from escalator_twin.machine import load_machine, Machine
+from escalator_twin.machine import Deviation, load_machine, Machine
 from escalator_twin.signals import Experiment, Recording
 from escalator_twin.twin import make_simulation, Progress, run_twin
 
@@ -171,138 +171,58 @@ def diagnose(
     """
     machine = load_machine(machine_path)
     target = Path(out) if out is not None else Path(f'{machine.name}_extended.yaml')
-    found = _diagnose_all(paths, str(machine_path), seed, jobs, progress)
-    single = len(found) == 1
-    effects = found[0].effects if single else pooled([d.effects for d in found])
-    deviations = _accepted(effects, found, single)
-    description = extension(machine, target.parent, paths, effects, deviations, seed)
+    if len(paths) == 1:
+        single = diagnose_bag(paths[0], str(machine_path), seed, jobs, progress)
+        document, deviations = _document(single), single.deviations
+    else:
+        document, joint = diagnose_together(paths, str(machine_path), seed, jobs, progress)
+        deviations = tuple(
+            j.found.proposal.deviation for j in joint if KNOWN[j.found.proposal.cause].of_machine
+        )
+    accepted = [_written(deviation) for deviation in deviations]
+    description = extension(machine, target.parent, paths, document['effects'], accepted, seed)
     write_extension(target, description)
     return {
         'schema': 'escalator_twin/diagnosis/1',
         'machine': str(machine_path),
-        'recordings': [d.document for d in found],
-        'effects': effects,
-        'candidates': _joint_candidates(found),
-        'unexplained': _joint_unexplained(found),
+        **document,
         'extended_machine': str(target),
         'extended_machine_yaml': target.read_text(encoding='utf-8'),
-        'gain': _joint_gain(found),
+    }
+
+
+def _document(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return one recording's diagnosis as the JSON has it."""
+    held = diagnosis.held_out
+    if held is None:
+        gain: dict[str, Any] = {'held_out': None, 'split': 'nothing was accepted'}
+    else:
+        gain = {'held_out': held.document(), 'split': held.split}
+    rest = rest_of(diagnosis.unexplained)
+    return {
+        'recordings': [diagnosis.document],
+        'effects': diagnosis.effects,
+        'candidates': diagnosis.candidates,
+        'unexplained': rest,
+        'gain': gain,
+        'would_change': diagnosis.would_change,
         'by_recording': [
             {
-                'path': d.document['path'],
-                'effects': d.effects,
-                'candidates': d.candidates,
-                'unexplained': _rest(d),
-                'gain': d.held_out.document() if d.held_out else None,
+                'path': diagnosis.document['path'],
+                'effects': diagnosis.effects,
+                'candidates': diagnosis.candidates,
+                'unexplained': rest,
+                'gain': held.document() if held else None,
+                'residual': diagnosis.residual,
             }
-            for d in found
         ],
     }
 
 
-def _diagnose_all(
-    paths: list[str], machine_path: str, seed: int, jobs: int, progress: Progress | None
-) -> list[Diagnosis]:
-    """Diagnose every recording by itself, several at once where there are several."""
-    if len(paths) == 1:
-        return [diagnose_bag(paths[0], machine_path, seed, jobs, progress)]
-    found = []
-    with ProcessPoolExecutor(max(1, min(jobs, len(paths)))) as pool:
-        count = len(paths)
-        results = pool.map(diagnose_bag, paths, [machine_path] * count, [seed] * count)
-        for result in results:
-            found.append(result)
-            if progress is not None:
-                progress(len(found), count)
-    return found
-
-
-def diagnose_bag(
-    path: str,
-    machine_path: str,
-    seed: int = 0,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> Diagnosis:
-    """Diagnose one recording."""
-    machine = load_machine(machine_path)
-    return diagnose_recording(bagfile.read(path, machine), machine, seed, jobs, progress)
-
-
-def _accepted(
-    effects: list[dict[str, Any]], found: list[Diagnosis], single: bool
-) -> list[dict[str, Any]]:
-    """Return the accepted effects of the machine as deviations of a description."""
-    if single:
-        return [
-            {
-                'cause': d.cause,
-                **({'location': dict(d.location)} if d.location else {}),
-                'parameters': dict(d.parameters),
-            }
-            for d in found[0].deviations
-        ]
-    return [
-        {
-            'cause': e['cause'],
-            **({'location': dict(e['location'])} if e['location'] else {}),
-            'parameters': {name: p['value'] for name, p in e['parameters'].items()},
-        }
-        for e in effects
-        if KNOWN[e['cause']].of_machine
-    ]
-
-
-def _rest(diagnosis: Diagnosis) -> dict[str, Any]:
-    rest = diagnosis.unexplained
+def _written(deviation: Deviation) -> dict[str, Any]:
+    """Return a deviation as a machine description has it."""
     return {
-        'significant': rest.significant,
-        'share': rest.share,
-        'signature': rest.signature,
+        'cause': deviation.cause,
+        **({'location': dict(deviation.location)} if deviation.location else {}),
+        'parameters': dict(deviation.parameters),
     }
-
-
-def _joint_unexplained(found: list[Diagnosis]) -> dict[str, Any]:
-    """Return the largest remainder of all recordings."""
-    rows = [_rest(d) for d in found]
-    worst = max(rows, key=lambda row: (row['significant'], row['share']))
-    if len(rows) == 1:
-        return worst
-    return {**worst, 'recordings': sum(bool(row['significant']) for row in rows)}
-
-
-def _joint_candidates(found: list[Diagnosis]) -> list[dict[str, Any]]:
-    """Return the candidates of all recordings, each once with its mean probability."""
-    rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for diagnosis in found:
-        for row in diagnosis.candidates:
-            rows.setdefault((row['cause'], str(row['location'])), []).append(row)
-    joint = [
-        {**group[0], 'probability': sum(r['probability'] for r in group) / len(found)}
-        for group in rows.values()
-    ]
-    return sorted(joint, key=lambda row: -row['probability'])[:40]
-
-
-def _joint_gain(found: list[Diagnosis]) -> dict[str, Any]:
-    """Return the held-out gain: a recording's own, or the mean over recordings."""
-    held = [d.held_out for d in found if d.held_out is not None]
-    seen = [h for h in held if h.channels is not None]
-    if not held:
-        return {'held_out': None, 'split': 'nothing was accepted'}
-    if not seen:
-        return {'held_out': None, 'split': held[0].split}
-    if len(found) == 1:
-        return {'held_out': seen[0].document(), 'split': seen[0].split}
-    names = {name for h in seen for name in h.channels or {}}
-    channels = {}
-    for name in sorted(names):
-        rows = [h.channels[name] for h in seen if h.channels and name in h.channels]
-        channels[name] = {key: sum(r[key] for r in rows) / len(rows) for key in rows[0]}
-    document = {
-        'split': f'{len(seen)} recordings, each: {seen[0].split}',
-        'blocks': sum(h.blocks for h in seen),
-        'channels': channels,
-        'significant': all(h.significant for h in seen),
-    }
-    return {'held_out': document, 'split': document['split']}

@@ -119,7 +119,7 @@ def judge(setting: Setting, trace: Trace, machine: Machine, with_scores: bool = 
         c: replace(a, place_m=np.interp(a.travel_m, way, trace.place_m) % length)
         for c, a in aligned.items()
     }
-    bands = {c: _bands(a, machine) for c, a in aligned.items()} if with_scores else {}
+    bands = {c: bands_of(a, machine) for c, a in aligned.items()} if with_scores else {}
     scores = {c: score(b, QUICK) for c, b in bands.items()}
     ground = machine.instruments.channels_of(machine.instruments.reference_logger)
     riding = [t for c, t in tracks.items() if c not in ground] or list(tracks.values())
@@ -233,7 +233,7 @@ def _without_pose(
     return {c: Timed(c, a.time_s, a.measured, a.valid, a.rate_hz) for c, a in aligned.items()}
 
 
-def _bands(aligned: Aligned, machine: Machine) -> Bands:
+def bands_of(aligned: Aligned, machine: Machine) -> Bands:
     """Return one aligned channel split into the bands that are scored."""
     chain = machine.chain
     travel = np.maximum.accumulate(aligned.travel_m)

@@ -10,11 +10,11 @@ from escalator_twin.bagfile import read
 from escalator_twin.bagfile.source import topics
 from escalator_twin.check.document import windows_of
 from escalator_twin.comparison.document import recording_document
-from escalator_twin.comparison.judge import Aligned, judge, Judgement
+from escalator_twin.comparison.judge import bands_of, judge, Judgement
 from escalator_twin.comparison.locate import locate, RATE_HZ, Setting, simulate_loop
 from escalator_twin.errors import EscalatorError, RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
-from escalator_twin.metrics import Bands, machine_orders, split_bands, Track
+from escalator_twin.metrics import Bands
 from escalator_twin.signals import Recording
 from escalator_twin.sync.template import Template
 from escalator_twin.twin import make_simulation, run_twin
@@ -109,20 +109,6 @@ def _compare(
         RATE_HZ,
     )
     return setting, judge(setting, trace, machine)
-
-
-def bands_of(aligned: Aligned, machine: Machine) -> Bands:
-    """Return one channel split into the bands that are scored."""
-    chain = machine.chain
-    travel = np.maximum.accumulate(aligned.travel_m)
-    track = Track(
-        travel - travel[0],
-        aligned.rate_hz,
-        chain.n_links * chain.pitch_m,
-        chain.pitch_m,
-        machine_orders(chain.n_links, chain.pitch_m, machine.roller.diameter_m),
-    )
-    return split_bands(aligned.measured, aligned.simulated, track, aligned.valid)
 
 
 def _sums(bands: Bands) -> Sums:

@@ -1,90 +1,285 @@
-"""Several recordings of one machine: what they say together."""
+"""Several recordings of one machine: what they say together.
+
+A few recordings, as different as the plan of experiments has them, are searched in full: the
+scouts. What they name is put beside every other recording as it is, which proves it on data that
+no fit has seen, and refines its size.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import log
 from typing import Any
 
 import numpy as np
 
-# An effect of a machine shows in every recording whose experiment excites it. One recording in ten
-# may name something that it alone shows: a cause of many recordings needs more than one of them.
-LEAST_SHARE = 0.3
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.confirm import Confirmed
+from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
+from escalator_twin.diagnosis.faults import Fault
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.telling import LAW_ERROR, told, told_fault
+from escalator_twin.diagnosis.walk import Found
+from escalator_twin.signals import Experiment, Floats
+
+SCOUTS = 4
+# One scout in four may name what it alone shows: with three scouts or more, and nobody left to
+# confirm it, a cause needs two of them.
+MANY = 3
 S_SAME_M = 0.3
-NORMAL_95 = 1.96
+SURE_SD = 3.0  # standard deviations from neutral at which other recordings confirm an effect
+LEAST_PART = 0.4  # of the scouts' size that the others must find
+BLIND = 0.5  # of the size: a standard deviation beyond which the others say nothing
+CONFIRMED = 0.98
+DRAWS = 2000
 
 
-def pooled(diagnoses: Sequence[Sequence[Mapping[str, Any]]]) -> list[dict[str, Any]]:
-    """Pool the effects of several recordings of one machine.
+@dataclass(frozen=True)
+class Joint:
+    """One effect in several recordings.
 
-    Parameters
+    Attributes
     ----------
-    diagnoses : sequence of sequences of effects
-        As contracts.md tells them, one sequence a recording.
-
-    Returns
-    -------
-    effects : list of dict
-        With ``recordings``: how many of them name the effect.
+    found : Found
+        With the numbers of all recordings.
+    probability : float
+    recordings : int
+        How many of them show it.
     """
-    groups: list[list[Mapping[str, Any]]] = []
-    for effects in diagnoses:
-        for effect in effects:
-            home = next((g for g in groups if same(g[0], effect)), None)
+
+    found: Found
+    probability: float
+    recordings: int
+
+
+def choose_scouts(experiments: Sequence[Experiment | None], most: int = SCOUTS) -> list[int]:
+    """Return the recordings whose experiments differ most, the fastest and fullest first."""
+    if len(experiments) <= most:
+        return list(range(len(experiments)))
+    rows = np.array([_coordinates(e) for e in experiments])
+    spread = rows.max(axis=0) - rows.min(axis=0)
+    rows = (rows - rows.min(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    # fast, full and slack first: there the chain moves most
+    chosen = [int(np.argmax(rows @ np.array([1.0, 0.1, 1.0, -0.5])))]
+    while len(chosen) < most:
+        away = np.abs(rows[:, None, :] - rows[chosen][None, :, :]).sum(axis=2).min(axis=1)
+        away[chosen] = -1.0
+        chosen.append(int(np.argmax(away)))
+    return sorted(chosen)
+
+
+def _coordinates(experiment: Experiment | None) -> list[float]:
+    if experiment is None:
+        return [0.0] * 4
+    return [
+        log(max(experiment.set_speed_m_s, 1e-3)),
+        float(experiment.direction),
+        float(np.mean(experiment.load_per_step_kg)),
+        experiment.preload_n,
+    ]
+
+
+def union_of(scouts: Sequence[Diagnosis]) -> list[list[tuple[Found, float]]]:
+    """Return what the scouts name, each effect with all who name it, the surest first."""
+    groups: list[list[tuple[Found, float]]] = []
+    for scout in scouts:
+        for found, probability in scout.found:
+            if probability < NAMED:
+                continue
+            row = (found, probability)
+            home = next((g for g in groups if same(g[0][0].proposal, found.proposal)), None)
             if home is None:
-                groups.append([effect])
+                groups.append([row])
             else:
-                home.append(effect)
-    total = len(diagnoses)
-    least = 1 if total < 3 else max(2, round(LEAST_SHARE * total))
-    found = [_joined(group, total) for group in groups if len(group) >= least]
-    return sorted(found, key=lambda e: -e['probability'])
+                home.append(row)
+    for group in groups:
+        group.sort(key=lambda row: -row[1])
+    return sorted(groups, key=lambda g: (-len(g), -g[0][1]))
 
 
-def same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+def same(one: Proposal, other: Proposal) -> bool:
     """Tell whether two effects are one cause at one place."""
-    if one['cause'] != other['cause']:
+    if one.cause != other.cause or set(one.location) != set(other.location):
         return False
-    a, b = one['location'], other['location']
-    if set(a) != set(b):
-        return False
-    for key, value in a.items():
-        if isinstance(value, float) and isinstance(b[key], float):
-            if abs(value - b[key]) > S_SAME_M:
+    for key, value in one.location.items():
+        theirs = other.location[key]
+        if isinstance(value, float) and isinstance(theirs, float):
+            if abs(value - theirs) > S_SAME_M:
                 return False
-        elif key == 'steps':
-            if len(set(value) ^ set(b[key])) > 2:
+        elif isinstance(value, list) and isinstance(theirs, list):
+            if len(set(value) ^ set(theirs)) > 2:
                 return False
-        elif value != b[key]:
+        elif value != theirs:
             return False
     return True
 
 
-def _joined(group: Sequence[Mapping[str, Any]], total: int) -> dict[str, Any]:
-    """Return one effect from what several recordings say of it."""
-    first = max(group, key=lambda e: e['probability'])
-    parameters = {}
-    for name in first['parameters']:
-        rows = [e['parameters'][name] for e in group if name in e['parameters']]
-        values = np.array([row['value'] for row in rows])
-        sds = np.array([max(row['high'] - row['low'], 1e-12) for row in rows]) / (2 * NORMAL_95)
-        weights = 1.0 / sds**2
-        mean = float(np.sum(weights * values) / weights.sum())
-        scatter = float(np.std(values)) / max(len(values) - 1, 1) ** 0.5
-        sd = max(float(weights.sum() ** -0.5), scatter)
-        parameters[name] = {
-            'value': mean,
-            'low': mean - NORMAL_95 * sd,
-            'high': mean + NORMAL_95 * sd,
-        }
-    missing = float(np.prod([1.0 - min(e['probability'], 0.99) for e in group]))
-    alternatives = [
-        name for name in first['alternatives'] if all(name in e['alternatives'] for e in group)
+def pooled(rows: Sequence[tuple[Proposal, Mapping[str, float]]]) -> Found:
+    """Return one effect from what several recordings make of its numbers.
+
+    Parameters
+    ----------
+    rows : sequence of (proposal, standard deviations)
+        Of one effect; the first gives place and whatever has no standard deviation.
+    """
+    first = rows[0][0]
+    parameters, location = dict(first.parameters), dict(first.location)
+    sd: dict[str, float] = {}
+    for key in (*first.fitted, *(k for k in first.parameters if k not in first.fitted)):
+        if key == 'phase_rad':
+            continue  # each recording has its own
+        known = [(_value(p, key), s[key]) for p, s in rows if s.get(key, 0.0) > 0.0]
+        known = [row for row in known if row[0] is not None]
+        if not known:
+            continue
+        mean, spread = _mean(np.array([[v, s] for v, s in known], float))
+        sd[key] = spread
+        if key.startswith('@'):
+            location[key[1:]] = mean
+        else:
+            parameters[key] = mean
+    proposal = replace(first, parameters=parameters, location=location)
+    return Found(proposal, 0.0, sd, 0.0, ())
+
+
+def _value(proposal: Proposal, key: str) -> float | None:
+    value = proposal.location.get(key[1:]) if key[0] == '@' else proposal.parameters.get(key)
+    return float(value) if isinstance(value, float | int) else None
+
+
+def _mean(rows: Floats) -> tuple[float, float]:
+    """Return a weighted mean and its standard deviation, by what they say and by their scatter."""
+    values, sds = rows.T
+    sds = np.hypot(sds, LAW_ERROR * np.abs(values).max())
+    weights = sds**-2.0
+    mean = float(np.sum(weights * values) / weights.sum())
+    own = float(weights.sum() ** -0.5)
+    if len(values) == 1:
+        return mean, own
+    scatter = float(np.sqrt(np.sum(weights * (values - mean) ** 2) / weights.sum()))
+    return mean, max(own, scatter / (len(values) - 1) ** 0.5)
+
+
+def decide(
+    groups: Sequence[Sequence[tuple[Found, float]]],
+    n_scouts: int,
+    confirmed: Sequence[Confirmed],
+) -> list[Joint]:
+    """Accept what the scouts name where it holds in the other recordings as well.
+
+    Parameters
+    ----------
+    groups : sequence of groups
+        As `union_of` gives them.
+    n_scouts : int
+    confirmed : sequence of Confirmed
+        The other recordings, their effects in the groups' order.
+    """
+    accepted = []
+    for k, group in enumerate(groups):
+        scouts = [(f.proposal, f.sd) for f, _ in group]
+        others = [(c.effects[k], c.sd[k]) for c in confirmed]
+        missing = float(np.prod([1.0 - min(p, 0.99) for _, p in group]))
+        probability = 1.0 - missing
+        verdict = _held(pooled(scouts).proposal, others) if others else None
+        if verdict is False or (verdict is None and n_scouts >= MANY and len(group) < 2):
+            continue
+        if verdict:
+            probability = max(probability, CONFIRMED)
+        best = group[0][0]
+        found = replace(
+            pooled(scouts + others), probability=probability, gain=best.gain, rivals=best.rivals
+        )
+        shows = len(group) + sum(_shows(p, sd) for p, sd in others)
+        accepted.append(Joint(found, min(probability, 0.99), shows))
+    return sorted(accepted, key=lambda j: -j.probability)
+
+
+def _held(scouts: Proposal, others: Sequence[tuple[Proposal, Mapping[str, float]]]) -> bool | None:
+    """Tell whether other recordings find an effect as well; None where they cannot tell."""
+    key = scouts.fitted[0] if scouts.fitted else None
+    sized = [(p, sd) for p, sd in others if key is not None and sd.get(key, 0.0) > 0.0]
+    if key is None or not sized:
+        return None
+    found = pooled(sized)
+    neutral = _neutral(scouts, key)
+    theirs = found.proposal.parameters[key] - neutral
+    ours = scouts.parameters[key] - neutral
+    if found.sd[key] > BLIND * abs(ours):
+        return None
+    return theirs / ours > LEAST_PART and abs(theirs) > SURE_SD * found.sd[key]
+
+
+def _shows(proposal: Proposal, sd: Mapping[str, float]) -> bool:
+    key = proposal.fitted[0] if proposal.fitted else ''
+    way = proposal.parameters.get(key, 0.0) - _neutral(proposal, key)
+    return sd.get(key, 0.0) > 0.0 and abs(way) > SURE_SD * sd[key]
+
+
+def _neutral(proposal: Proposal, key: str) -> float:
+    neutral = next((p.neutral for p in KNOWN[proposal.cause].parameters if p.name == key), None)
+    return neutral if neutral is not None and np.isfinite(neutral) else 0.0
+
+
+def told_jointly(
+    joint: Sequence[Joint], faults: Sequence[Sequence[Fault]], total: int
+) -> list[dict[str, Any]]:
+    """Return effects as contracts.md tells them, with how many of the recordings show each.
+
+    Parameters
+    ----------
+    joint : sequence of Joint
+    faults : sequence of sequences of Fault
+        Of each recording.
+    total : int
+        Recordings.
+    """
+    effects = [
+        {**told(j.found, j.probability), 'recordings': j.recordings, 'of': total} for j in joint
     ]
-    return {
-        'cause': first['cause'],
-        'location': first['location'],
-        'parameters': parameters,
-        'probability': float(np.clip(1.0 - missing, 0.0, 0.99)),
-        'alternatives': alternatives,
-        'recordings': len(group),
-        'of': total,
+    groups: dict[tuple[str, str], list[Fault]] = {}
+    for fault in (f for row in faults for f in row):
+        groups.setdefault((fault.cause, str(fault.location)), []).append(fault)
+    for group in groups.values():
+        effects.append({**told_fault(_middle(group)), 'recordings': len(group), 'of': total})
+    return sorted(effects, key=lambda e: -e['probability'])
+
+
+def _middle(group: Sequence[Fault]) -> Fault:
+    """Return a fault with the means of its numbers, as wide as all of them."""
+    parameters = {}
+    for name in group[0].parameters:
+        rows = np.array([f.parameters[name] for f in group if name in f.parameters])
+        parameters[name] = (
+            float(rows[:, 0].mean()),
+            float(rows[:, 1].min()),
+            float(rows[:, 2].max()),
+        )
+    return replace(group[0], parameters=parameters)
+
+
+def joint_gain(confirmed: Sequence[Confirmed], seed: int) -> dict[str, Any]:
+    """Return the gain in the recordings that no size was fitted to."""
+    seen = [c.held_out for c in confirmed if c.held_out.channels is not None]
+    if not seen:
+        return {'held_out': None, 'split': 'no recording is left that was not searched'}
+    names = sorted({name for held in seen for name in held.channels or {}})
+    channels = {}
+    for name in names:
+        rows = [h.channels[name] for h in seen if h.channels and name in h.channels]
+        channels[name] = {key: float(np.mean([r[key] for r in rows])) for key in rows[0]}
+    gains = np.array([0.5 * (h.gain_low + h.gain_high) for h in seen])
+    picks = np.random.default_rng(seed).integers(0, len(gains), (DRAWS, len(gains)))
+    low, high = (float(v) for v in np.quantile(gains[picks].mean(axis=1), (0.025, 0.975)))
+    split = (
+        f'{len(seen)} recordings at other operating points, beside the sizes that the searched '
+        f'ones gave'
+    )
+    document = {
+        'split': split,
+        'blocks': len(seen),
+        'channels': channels,
+        'gain_interval': [low, high],
+        'significant': low > 0.0,
+        'worse': sorted({name for h in seen for name in h.worse}),
     }
+    return {'held_out': document, 'split': split}

@@ -8,7 +8,7 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, Setting
-from escalator_twin.diagnosis.floor import Floor, kind_of, RATTLE
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import make_nuisance
@@ -31,6 +31,7 @@ TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
 STEP_SHARES = (1.0, 0.4)
 ROUNDS = 2  # of taking the tolerances' effect anew
+WEAK = 2.0  # chi squared of one standard deviation
 WORTH_A_ROUND = 0.05  # of chi squared: a round that gains less is the last one
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
 
@@ -51,6 +52,10 @@ class Context:
         Travel from path coordinate 0 of axle 0 to where the twin's run begins.
     place : Beside or None
         The machine as described, its tolerances tuned.
+    nominal : Nominal or None
+        The same with no tolerance turned.
+    weak : frozenset of str
+        Tolerances that hardly show in this recording: what they do is not taken anew.
     """
 
     recording: Recording
@@ -60,6 +65,8 @@ class Context:
     floor: Floor
     start_m: float
     place: 'Beside | None' = None
+    nominal: 'Nominal | None' = None
+    weak: frozenset[str] = frozenset()
 
     @property
     def frame(self) -> Frame:
@@ -87,6 +94,21 @@ class Beside:
     fitted: Fitted
 
 
+@dataclass(frozen=True)
+class Nominal:
+    """The machine as described beside a recording, no tolerance turned.
+
+    Attributes
+    ----------
+    place : Beside
+    responses : Responses
+        With what the tolerances do there.
+    """
+
+    place: Beside
+    responses: Responses
+
+
 def prepare(
     recording: Recording,
     machine: Machine,
@@ -103,12 +125,26 @@ def prepare(
         Where the recording cannot be placed.
     """
     context = prepare_tolerances(recording, machine, floor, jobs, setting)
-    context, place = tuned(context, jobs=jobs)
+    start = beside(context, steps=0)
+    nominal = Nominal(start, context.responses)
+    context = replace(context, weak=_weak(start.stage))
+    context, place = tuned(context, jobs=jobs, start=start)
     experiment = context.setting.experiment
     knobs = knobs_of(machine, experiment)
     turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
     responses = find_responses(turned_machine, turned, context.responses.knobs, jobs, progress)
-    return replace(context, responses=responses, place=place)
+    return replace(context, responses=responses, place=place, nominal=nominal)
+
+
+def _weak(stage: Stage) -> frozenset[str]:
+    """Return the tolerances of which one standard deviation hardly shows."""
+    power = np.sum(stage.white_nuisance**2, axis=0)
+    knobs = {knob.name for knob in stage.knobs}
+    return frozenset(
+        name
+        for name, p in zip(stage.nuisance.names, power, strict=True)
+        if name in knobs and p < WEAK
+    )
 
 
 def prepare_tolerances(
@@ -145,9 +181,9 @@ def start_in(setting: Setting, responses: Responses) -> float:
 def beside(
     context: Context,
     deviations: tuple[Deviation, ...] = (),
-    trace: Trace | None = None,
     steps: int = TUNING,
     turned: Mapping[str, float] | None = None,
+    start: Beside | None = None,
 ) -> Beside:
     """Run a machine with deviations beside the recording and align both anew.
 
@@ -156,20 +192,21 @@ def beside(
     context : Context
     deviations : tuple of Deviation
         Of the machine; those of the measurement do nothing here.
-    trace : Trace, optional
-        Of that machine, where it was run already.
     steps : int
         By which the tolerances are tuned at most.
     turned : mapping of tolerance to float, optional
         Where the tuning begins, standard deviations.
+    start : Beside, optional
+        That machine there, where it was aligned already.
     """
     machine = apply(context.machine, deviations)
     setting = context.setting
-    sizes = dict(turned or {})
-    if trace is None:
+    place = start
+    if place is None:
+        sizes = dict(turned or {})
         knobs = knobs_of(machine, setting.experiment)
         trace = run_beside(*turn_all(machine, setting.experiment, knobs, sizes), setting)
-    place = _aligned(context, machine, trace, sizes)
+        place = _aligned(context, machine, trace, sizes)
     for _ in range(steps):
         after = _step(context, machine, place)
         if after is None:
@@ -193,12 +230,7 @@ def _step(context: Context, machine: Machine, place: Beside) -> Beside | None:
 
 def quiet_chi2(place: Beside) -> float:
     """Return chi squared without the channels that rattling rollers shake by chance."""
-    instruments = place.stage.machine.instruments
-    channels = place.stage.observation.channels
-    left = place.fitted.left().astype(np.float64).reshape(-1, len(channels))
-    quiet = [kind_of(instruments.sensor(c)) not in RATTLE for c in channels]
-    used = place.fitted.sizes + place.fitted.offset
-    return float(np.sum(left[:, quiet] ** 2) + used @ used)
+    return place.stage.judged(place.fitted)
 
 
 def _aligned(
@@ -233,7 +265,8 @@ def with_own_tolerances(
         machine, experiment, knobs_of(machine, experiment), turned or {}
     )
     speed = context.responses.frame.speed_m_s
-    knobs = find_knobs(turned_machine, setting, speed, jobs)
+    knobs = find_knobs(turned_machine, setting, speed, jobs, context.weak)
+    knobs = {**context.responses.knobs, **knobs}
     return replace(context, responses=replace(context.responses, knobs=knobs))
 
 
@@ -242,7 +275,7 @@ def tuned(
     deviations: tuple[Deviation, ...] = (),
     jobs: int = 1,
     turned: Mapping[str, float] | None = None,
-    anew: bool = False,
+    start: Beside | None = None,
 ) -> tuple[Context, Beside]:
     """Tune the tolerances of a machine, their effect taken anew where the tuning has led.
 
@@ -257,8 +290,8 @@ def tuned(
         Simulations at a time.
     turned : mapping of tolerance to float, optional
         Where the tuning begins, standard deviations.
-    anew : bool
-        The deviations change what the tolerances do: take that anew first.
+    start : Beside, optional
+        That machine with these tolerances, where it was aligned already.
 
     Returns
     -------
@@ -266,10 +299,8 @@ def tuned(
         Whose tolerances act as they do there.
     place : Beside
     """
-    if anew:
-        context = with_own_tolerances(context, deviations, jobs, turned)
-    place = beside(context, deviations, turned=turned)
-    for _ in range(ROUNDS - anew):
+    place = beside(context, deviations, turned=turned, start=start)
+    for _ in range(ROUNDS):
         way = {k: place.stage.turned.get(k, 0.0) for k in context.responses.knobs}
         if max(map(abs, way.values()), default=0.0) < FAR_TURNED:
             break

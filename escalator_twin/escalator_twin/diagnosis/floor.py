@@ -28,12 +28,25 @@ LINE_REACH = 0.1
 # Rollers rattle in their clearance. Any change of the model, however small, rolls these dice anew, so
 # that two runs differ by more than either from the machine, in bursts: their weight is taken down.
 RATTLE = {'step_acceleration/z': 4.0, 'step_acceleration/x': 2.0}
+# Causes that act on a step's x and z directly. What any other cause or tolerance seems to change there
+# is chance: taken at one standard deviation up and down, responses correlate by -0.7 to 0 instead
+# of 0.8 to 1 as those of forces, tensioner and y do. As columns of a fit such chance shrinks every
+# size.
+SHAKING = frozenset({
+    'guide_step', 'roller_eccentricity', 'roller_flat', 'drive_ripple', 'drive_hunting',
+    'truss_resonance',
+})  # fmt: skip
 
 
 def kind_of(sensor: Sensor) -> str:
     """Return the name under which channels of one kind share a floor."""
     axis = sensor.at.get('axis')
     return f'{sensor.quantity}/{axis}' if axis else sensor.quantity
+
+
+def is_shaken(sensor: Sensor) -> bool:
+    """Tell whether rattling rollers shake what a sensor reads."""
+    return kind_of(sensor) in RATTLE
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,18 @@
 """What an extension gains on samples that its numbers were not fitted to."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import fft
 
 from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.free import creep, of_machine
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.stage import Stage
-from escalator_twin.diagnosis.walk import creep, of_machine
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats
@@ -22,6 +24,7 @@ TREND_HZ = 2.0
 DRAWS = 2000  # of the block bootstrap
 LEAST_SHARE = 0.25  # of a loop that must have come twice for an effect bound to one place
 WORSE = 0.02  # contracts.md: no channel may become worse by more
+Seen = tuple[slice, Floats, Floats]  # of a block; what is left without and with effects
 BOUND = ('link', 'axle', 'step', 'steps', 's_m')  # keys of effects that pass once a loop
 
 
@@ -69,6 +72,8 @@ def hold_out(
     after: Beside,
     effects: Sequence[Proposal],
     seed: int = 0,
+    turned: Mapping[str, float] | None = None,
+    sizes_known: bool = False,
     judged: Stage | None = None,
 ) -> HeldOut:
     """Fit on a part of a recording, compare on the rest.
@@ -84,6 +89,11 @@ def hold_out(
     effects : sequence of Proposal
     seed : int
         Of the bootstrap.
+    turned : mapping of tolerance to float, optional
+        Where the machine as described comes nearest without any effect, standard deviations: what
+        the effects gain is counted from there.
+    sizes_known : bool
+        The sizes come from other recordings: nothing of the effects is fitted to this one.
     judged : Stage, optional
         The same comparison with the nuisance that the gain is judged beside; that of ``after``
         where it is not given.
@@ -91,15 +101,20 @@ def hold_out(
     stage = after.stage
     bare = replace(stage, machine=context.machine)
     base = bare.run()
+    plain = base if turned is None else replace(bare, turned=dict(turned)).run()
     change = after.model - base
     for effect in effects:
         if not of_machine(effect):
             change = change + measured_change(stage, after, effect)
-    folds, split = folds_of(stage, effects)
+    folds, split = folds_of(stage, () if sizes_known else effects)
     if not folds:
         return HeldOut(split, 0, None)
-    beside = bare if judged is None else replace(judged, machine=context.machine)
-    return _compare(beside, base, change, folds, split, seed)
+    shaking = any(effect.cause in SHAKING for effect in effects)
+    rest = bare if judged is None else replace(judged, machine=context.machine)
+    seen = _seen(rest, plain, base, change, folds, sizes_known)
+    return _scores(
+        bare, seen, split, seed, np.ones(len(bare.quiet), bool) if shaking else bare.quiet
+    )
 
 
 def measured_change(stage: Stage, after: Beside, effect: Proposal) -> Floats:
@@ -138,20 +153,20 @@ def folds_of(stage: Stage, effects: Sequence[Proposal]) -> tuple[list[list[tuple
     return [blocks[k::FOLDS] for k in range(FOLDS)], text
 
 
-def _compare(
+def _seen(
     stage: Stage,
+    plain: Floats,
     base: Floats,
     change: Floats,
     folds: list[list[tuple[int, int]]],
-    split: str,
-    seed: int,
-) -> HeldOut:
-    observation = stage.observation
-    frame, n = observation.frame, len(observation.index)
-    guard = GUARD_PITCHES * frame.per_pitch
+    sizes_known: bool,
+) -> list[Seen]:
+    """Return every held-out block with what is left of the recording without and with effects."""
+    n = len(stage.observation.index)
+    guard = GUARD_PITCHES * stage.observation.frame.per_pitch
     later = len(folds) == 1
-    residual = stage.residual(base)
-    seen: list[tuple[slice, Floats, Floats]] = []
+    before, residual = stage.residual(plain), stage.residual(base)
+    seen: list[Seen] = []
     for blocks in folds:
         keep = np.ones(n, bool)
         for start, end in blocks:
@@ -159,34 +174,45 @@ def _compare(
         if later:
             keep[blocks[0][0] - guard :] = False
         whiten = replace(stage.whiten, mask=stage.whiten.mask * keep[:, None].astype(np.float32))
-        white = whiten(residual[:, :, None])[:, 0]
         columns = whiten(stage.nuisance.columns)
-        fitted = fit(white, columns)
-        one = whiten(change[:, :, None])
-        right, gram = inner_products(fitted, one)
+        alone = fit(whiten(before[:, :, None])[:, 0], columns)
+        white, one = whiten(residual[:, :, None])[:, 0], whiten(change[:, :, None])
+        right, gram = inner_products(fit(white, columns), one)
         # of the wrong sign it is no gain, however well it fits
-        size = max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
+        size = 1.0 if sizes_known else max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
         again = fit(white - size * one[:, 0], columns)
-        plain = residual - np.tensordot(stage.nuisance.columns, fitted.sizes, 1)
+        left = before - np.tensordot(stage.nuisance.columns, alone.sizes, 1)
         better = residual - size * change
         better = better - np.tensordot(stage.nuisance.columns, again.sizes, 1)
-        seen += [(slice(*block), plain, better) for block in blocks]
-    return _scores(stage, seen, split, seed)
+        seen += [(slice(*block), left, better) for block in blocks]
+    return seen
+
+
+def _whitened(stage: Stage, residual: Floats) -> Floats:
+    """Return a residual along the grid, each frequency over the floor, (n, c)."""
+    n, c = residual.shape
+    whole = np.zeros((n, c))
+    waves = stage.whiten(residual[:, :, None])[:, 0].reshape(-1, c)
+    whole[: len(waves)] = waves
+    found: Floats = fft.idct(whole, axis=0, norm='ortho')
+    return found
 
 
 def _scores(
-    stage: Stage, seen: list[tuple[slice, Floats, Floats]], split: str, seed: int
+    stage: Stage, seen: list[Seen], split: str, seed: int, channels_used: np.ndarray
 ) -> HeldOut:
     observation = stage.observation
     rate = observation.frame.rate_hz
     channels: dict[str, dict[str, float]] = {}
-    energy = np.zeros((len(seen), 2))
+    energy = np.zeros((len(seen), 2, len(observation.channels)))
+    whitened = {
+        id(rows): _whitened(stage, rows) for _, plain, better in seen for rows in (plain, better)
+    }
     smooth = {
         id(rows): np.stack([lowpass(rows[:, k], TREND_HZ, rate) for k in range(rows.shape[1])], 1)
         for _, plain, better in seen
         for rows in (plain, better)
     }
-    worse = []
     for k, channel in enumerate(observation.channels):
         measured = observation.measured[:, k]
         low = lowpass(measured, TREND_HZ, rate)
@@ -200,22 +226,37 @@ def _scores(
             )  # fmt: skip
             for name, values in parts:
                 rows[name].append(values[block][good])
-            for side, values in enumerate((plain[:, k], better[:, k])):
-                centred = values[block][good]
-                energy[i, side] += float(np.sum(centred**2)) / own
+            for side, rows_of in enumerate((plain, better)):
+                white = whitened[id(rows_of)][block, k][good]
+                energy[i, side, k] = float(np.sum(white**2)) * channels_used[k]
         joined = {name: np.concatenate(parts) for name, parts in rows.items()}
         if len(joined['m']) < 8:
             continue
         channels[channel] = _channel(joined, own)
-        before, after = channels[channel]['chi2_before'], channels[channel]['chi2_after']
-        if after > (1.0 + WORSE) ** 2 * before and after > 2.0:
-            worse.append(channel)
     rng = np.random.default_rng(seed)
     picks = rng.integers(0, len(seen), (DRAWS, len(seen)))
-    sums = energy[picks].sum(axis=1)
-    gains = 1.0 - sums[:, 1] / np.maximum(sums[:, 0], 1e-30)
-    low_gain, high_gain = (float(v) for v in np.quantile(gains, (0.025, 0.975)))
+    drawn = energy[picks].sum(axis=1)
+    low_gain, high_gain = _interval(drawn.sum(axis=2))
+    worse = [
+        channel
+        for k, channel in enumerate(observation.channels)
+        if channel in channels and channels_used[k] and _is_worse(drawn[:, :, k])
+    ]
     return HeldOut(split, len(seen), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
+
+
+def _interval(drawn: Floats) -> tuple[float, float]:
+    """Return the 95 % interval of the relative fall of energies before and after, (draws, 2)."""
+    gains = 1.0 - drawn[:, 1] / np.maximum(drawn[:, 0], 1e-30)
+    low, high = np.quantile(gains, (0.025, 0.975))
+    return float(low), float(high)
+
+
+def _is_worse(drawn: Floats) -> bool:
+    """Tell whether a channel's amplitude surely rises, and by more than `WORSE`."""
+    total = drawn.mean(axis=0)
+    risen = float(np.sqrt(total[1] / max(float(total[0]), 1e-30))) - 1.0
+    return risen > WORSE and _interval(drawn)[1] < 0.0
 
 
 def _channel(rows: dict[str, Floats], variance: float) -> dict[str, float]:

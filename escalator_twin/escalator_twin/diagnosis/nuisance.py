@@ -18,7 +18,6 @@ CLOCK_S = 2e-3  # of the reference's clock by bag time
 CLOCK_RATE = 5e-6
 FREE = 1e3  # standard deviations that leave a number free
 THERMAL_SHARE = 0.25  # of the largest thermal drift: a mean of gauges, in each smooth shape
-SCALE = 0.005  # of all forces alike: what tolerances do together beyond their linear responses
 
 
 @dataclass(frozen=True)
@@ -95,11 +94,6 @@ def nuisance_of(
     if 0.0 < ground.sum() < c:
         add('clock', CLOCK_S * speed * slope * ground)
         add('clock/rate', CLOCK_RATE * speed * slope * ground * middle[:, None])
-    forces = np.array(
-        [machine.instruments.sensor(c).quantity == 'link_force' for c in observation.channels]
-    )
-    if forces.any():
-        add('scale', SCALE * (model - model.mean(axis=0)) * forces)
     part = (seconds - seconds[0]) / (seconds[-1] - seconds[0])
     for k, channel in enumerate(observation.channels):
         sensor = machine.instruments.sensor(channel)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -14,6 +15,8 @@ from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
 STEPS = 3
+SHORTER_M = 0.02  # than the design path may a machine's be, its tolerances turned
+SHARES = (1.0, 0.4)  # of a step that are tried
 SETTLED = 0.5  # a fit ends when chi squared is predicted to fall by less than this
 
 # Differences for parameters that do not size an effect, and for places along the guide.
@@ -21,13 +24,24 @@ NUDGES = {
     'phase_rad': 0.2,
     'displacement_m': 1e-4,
     '@s_m': 0.01,
-    '@s_from_m': 0.05,
-    '@s_to_m': 0.05,
+    '@s_from_m': 0.1,
+    '@s_to_m': 0.1,
     'frequency_hz': 5e-4,
     'cycles_per_pitch': 5e-4,
     'damping_ratio': 5e-3,
 }
 NUDGES_OF = {('guide_step', 'length_m'): 5e-3, ('truss_resonance', 'frequency_hz'): 0.03}
+# Of sizes that are differentiated where they are, a good part of the size: two runs differ by rattling
+# as well, and a small difference would be made of that.
+NUDGE_SHARE = 0.35
+LEAST_NUDGE = {
+    ('tensioner_friction', 'force_N'): 20.0,
+    ('tensioner_stiffness', 'factor'): 0.04,
+    ('tensioner_preload', 'factor'): 0.04,
+    ('rolling_resistance', 'factor'): 0.15,
+    ('landing_length', 'delta_m'): 2e-3,
+    ('chain_elongation', 'length_m'): 1e-5,
+}
 # Sizes whose response bends: dry friction, stops and springs near a resonance.
 BENT = {
     ('tensioner_friction', 'force_N'),
@@ -89,7 +103,7 @@ def changed(proposal: Proposal, values: Mapping[str, float], length_m: float) ->
     bounds = {p.name: (p.low, p.high) for p in KNOWN[proposal.cause].parameters}
     for key, value in values.items():
         if key.startswith('@'):
-            location[key[1:]] = float(np.clip(value, 0.0, length_m))
+            location[key[1:]] = float(np.clip(value, 0.0, length_m - SHORTER_M))
         else:
             low, high = bounds[key]
             if key == 'phase_rad':
@@ -127,42 +141,43 @@ def refine(
     except EscalatorError:
         return None
     best = _weigh(stage, current, proposal)
-    chi2 = fitted.chi2
-    jacobian = _jacobian(stage, base, current, proposal, without, length)
+    judged = partial(stage.judged, cause=proposal.cause)
+    before = judged(fitted)
+    jacobian = jacobian_of(stage, base, current, proposal, without)
     for _ in range(steps):
         right, gram = inner_products(best, jacobian)
         step = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
         if right @ step < SETTLED:
             break
         trial, model, after = proposal, current, best
-        for shrink in (1.0, 0.4, 0.15):
-            moved = {
-                key: _moved(proposal, key, shrink * float(delta))
+        for shrink in SHARES:
+            way = {
+                key: moved(proposal, key, shrink * float(delta))
                 for key, delta in zip(keys, step, strict=True)
             }
-            trial = changed(proposal, moved, length)
+            trial = changed(proposal, way, length)
             try:
                 model = stage.run((trial.deviation,), without)
             except EscalatorError:
                 continue
             after = _weigh(stage, model, trial)
-            if after.chi2 < best.chi2:
+            if judged(after) < judged(best):
                 break
-        if after.chi2 >= best.chi2:
+        if judged(after) >= judged(best):
             break
-        gained = best.chi2 - after.chi2
+        gained = judged(best) - judged(after)
         proposal, current, best = trial, model, after
-        if gained < 0.02 * (chi2 - best.chi2) and gained < 6.0:
+        if gained < 0.02 * (before - judged(best)) and gained < 6.0:
             break
         if len(keys) == 1:
-            jacobian = _jacobian(stage, base, current, proposal, without, length)
+            jacobian = jacobian_of(stage, base, current, proposal, without)
     _, gram = inner_products(best, jacobian)
     covariance = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
     sd = {
-        key: abs(_slope(proposal, key)) * float(np.sqrt(max(covariance[i, i], 0.0)))
+        key: abs(slope_of(proposal, key)) * float(np.sqrt(max(covariance[i, i], 0.0)))
         for i, key in enumerate(keys)
     }
-    return Refined(proposal, current, best, chi2 - best.chi2, sd, jacobian, keys)
+    return Refined(proposal, current, best, before - judged(best), sd, jacobian, keys)
 
 
 def _weigh(stage: Stage, model: Floats, proposal: Proposal) -> Fitted:
@@ -178,13 +193,13 @@ def _inner(proposal: Proposal, key: str, value: float) -> float:
     return 1.0 / value if (proposal.cause, key) in INVERSE else value
 
 
-def _slope(proposal: Proposal, key: str) -> float:
+def slope_of(proposal: Proposal, key: str) -> float:
     """Return by how much a parameter changes with that variable."""
     value = value_of(proposal, key)
     return -value * value if (proposal.cause, key) in INVERSE else 1.0
 
 
-def _moved(proposal: Proposal, key: str, delta: float) -> float:
+def moved(proposal: Proposal, key: str, delta: float) -> float:
     """Return a parameter after a step of the variable."""
     value = value_of(proposal, key)
     if (proposal.cause, key) in INVERSE:
@@ -192,22 +207,41 @@ def _moved(proposal: Proposal, key: str, delta: float) -> float:
     return value + delta
 
 
-def _jacobian(
+def jacobian_of(
     stage: Stage,
-    base: Floats,
+    base: Floats | None,
     model: Floats,
     proposal: Proposal,
-    without: str | None,
-    length: float,
+    without: str | None = None,
 ) -> np.ndarray:
-    """Return whitened columns: a secant for what sizes the effect, differences for the rest."""
+    """Return whitened columns: a secant for what sizes the effect, differences for the rest.
+
+    Parameters
+    ----------
+    stage : Stage
+        Without the proposal.
+    base : (n, c) float64 or None
+        Its model; None: run it where it is needed.
+    model : (n, c) float64
+        With the proposal.
+    proposal : Proposal
+    without : str, optional
+        Tolerance that the proposal stands for.
+
+    Returns
+    -------
+    columns : (m, p) float32
+        One for each fitted number, by the variable in which the response is about linear.
+    """
+    length = stage.machine_length
     columns = []
     for i, key in enumerate(proposal.fitted):
         value = value_of(proposal, key)
         neutral = _neutral(stage, proposal, key)
         if i == 0 and neutral is not None and not _is_bent(proposal, key):
+            start = stage.run((), without) if base is None else base
             way = _inner(proposal, key, value) - _inner(proposal, key, neutral)
-            columns.append((model - base) / (way if abs(way) > 1e-12 else 1e-12))
+            columns.append((model - start) / (way if abs(way) > 1e-12 else 1e-12))
             continue
         nudge = _nudge(proposal, key, value, neutral)
         trial = changed(proposal, {key: value + nudge}, length)
@@ -216,7 +250,7 @@ def _jacobian(
             trial = changed(proposal, {key: value - nudge}, length)
             way = _inner(proposal, key, value_of(trial, key)) - _inner(proposal, key, value)
         columns.append((stage.run((trial.deviation,), without) - model) / way)
-    return stage.whiten(np.stack(columns, axis=2))
+    return stage.columns(np.stack(columns, axis=2), proposal.cause)
 
 
 def _is_bent(proposal: Proposal, key: str) -> bool:
@@ -230,6 +264,9 @@ def _nudge(proposal: Proposal, key: str, value: float, neutral: float | None) ->
         return NUDGES_OF[proposal.cause, key]
     if key in NUDGES:
         return NUDGES[key]
+    if (proposal.cause, key) in LEAST_NUDGE:
+        least = LEAST_NUDGE[proposal.cause, key]
+        return max(NUDGE_SHARE * abs(value - (neutral or 0.0)), least)
     if neutral is not None and value != neutral:
         return 0.1 * (value - neutral)
     return 0.05 * abs(value) or 1e-6

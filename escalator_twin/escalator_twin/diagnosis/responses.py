@@ -1,12 +1,14 @@
 """What every tolerance and every cause does to the signals of one experiment, per loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
 
 import numpy as np
 
+from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of
 from escalator_twin.diagnosis.loops import all_probes, Frame, Loop, sensor_probes, simulate_loop
 from escalator_twin.machine import Deviation, Machine
@@ -16,7 +18,7 @@ from escalator_twin.signals import Experiment
 Columns = np.ndarray  # float32
 Progress = Callable[[float, float], None]
 
-KNOB_STEP = 1.0  # standard deviations: far above the rounding of a rattling roller
+KNOB_STEP = 2.0  # standard deviations: far above what rattling rollers make of any change
 FLAT_PHASES = 12
 STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
 # Sizes at which a cause's response is taken: the reference of contracts.md, or half of it where
@@ -132,17 +134,11 @@ def find_responses(
     frame = Frame.of(machine, experiment.set_speed_m_s)
     every = all_probes()
     base = simulate_loop(machine, experiment, frame, every)
-    stops = _stop_levels(base)
     is_loaded = max(experiment.load_per_step_kg) > 0.0
     tasks: dict[object, Callable[[], Columns]] = {}
 
     def cause_task(deviation: Deviation, size: float) -> Callable[[], Columns]:
-        def work() -> Columns:
-            loop = simulate_loop(machine, experiment, frame, every, (deviation,), base.rack_m)
-            change: Columns = (loop.columns - base.columns) / np.float32(size)
-            return change
-
-        return work
+        return partial(_change, machine, experiment, base, frame, deviation, size)
 
     for name, (deviation, size) in {**ALL_PLACES, **WHOLE}.items():
         if name in ('load_distribution', 'load_offset') and not is_loaded:
@@ -152,14 +148,6 @@ def find_responses(
         tasks['eccentric', k] = cause_task(
             _tread('roller_eccentricity', ECCENTRICITY_M, phase), ECCENTRICITY_M
         )
-    for key in FAR:
-        name, parameter, value = key
-        place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
-        tasks['far', *key] = cause_task(Deviation(name, {parameter: value}, place), 1.0)
-    for level in stops:
-        tasks['stop', level] = cause_task(
-            Deviation('tensioner_stop', {'displacement_m': level}), 1.0
-        )
     found = _run(tasks, jobs, progress)
     return Responses(
         frame,
@@ -168,9 +156,63 @@ def find_responses(
         {name: found[name] for name in WHOLE if name in found},
         {name: found[name] for name in ALL_PLACES if name in found},
         found['eccentric', 0] + 1j * found['eccentric', 1],
-        {key: found['far', *key] for key in FAR},
-        {level: found['stop', level] for level in stops},
+        {},
+        {},
         machine.roller.diameter_m / 2.0,
+    )
+
+
+def _change(
+    machine: Machine,
+    experiment: Experiment,
+    base: Loop,
+    frame: Frame,
+    deviation: Deviation,
+    size: float = 1.0,
+) -> Columns:
+    """Simulate one loop with a deviation; return what it changes, over ``size``."""
+    loop = simulate_loop(machine, experiment, frame, all_probes(), (deviation,), base.rack_m)
+    change: Columns = (loop.columns - base.columns) / np.float32(size)
+    if deviation.cause not in SHAKING:
+        change[:, _shaken_columns(machine.chain.n_links)] = 0.0
+    return change
+
+
+def find_far(
+    machine: Machine, experiment: Experiment, responses: Responses, jobs: int = 1
+) -> Responses:
+    """Simulate one loop for every cause whose small change says little about a large one.
+
+    Parameters
+    ----------
+    machine : Machine
+    experiment : Experiment
+        At the responses' speed.
+    responses : Responses
+        Of the same machine: its loop without a cause.
+    jobs : int
+
+    Returns
+    -------
+    responses : Responses
+        With ``far`` and ``stops``.
+    """
+    frame, base = responses.frame, responses.base
+    stops = _stop_levels(base)
+    tasks: dict[object, Callable[[], Columns]] = {}
+    for key in FAR:
+        name, parameter, value = key
+        place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
+        deviation = Deviation(name, {parameter: value}, place)
+        tasks[key] = partial(_change, machine, experiment, base, frame, deviation)
+    for level in stops:
+        deviation = Deviation('tensioner_stop', {'displacement_m': level})
+        tasks[level] = partial(_change, machine, experiment, base, frame, deviation)
+    found = _run(tasks, jobs, None)
+    return replace(
+        responses,
+        far={key: found[key] for key in FAR},
+        stops={level: found[level] for level in stops},
     )
 
 
@@ -187,7 +229,11 @@ def tolerances_only(machine: Machine, experiment: Experiment, jobs: int = 1) -> 
 
 
 def find_knobs(
-    machine: Machine, experiment: Experiment, speed_m_s: float, jobs: int = 1
+    machine: Machine,
+    experiment: Experiment,
+    speed_m_s: float,
+    jobs: int = 1,
+    left_out: Container[str] = (),
 ) -> dict[str, Columns]:
     """Simulate one loop for every tolerance of a machine with its deviations.
 
@@ -197,17 +243,19 @@ def find_knobs(
     experiment = replace(experiment, set_speed_m_s=speed_m_s)
     seen = sensor_probes(machine.instruments.sensors, machine.chain.n_links)
     base = simulate_loop(machine, experiment, frame, seen)
+    shaken = [is_shaken(sensor) for sensor in machine.instruments.sensors]
 
     def task(knob: Knob) -> Callable[[], Columns]:
         def work() -> Columns:
             turned, setting = knob.turn(machine, experiment, KNOB_STEP)
             loop = simulate_loop(turned, setting, frame, seen, (), base.rack_m)
             change: Columns = (loop.columns - base.columns) / np.float32(KNOB_STEP)
+            change[:, shaken] = 0.0
             return change
 
         return work
 
-    knobs = knobs_of(machine, experiment)
+    knobs = [knob for knob in knobs_of(machine, experiment) if knob.name not in left_out]
     found = _run({knob.name: task(knob) for knob in knobs}, jobs, None)
     return {knob.name: found[knob.name] for knob in knobs}
 
@@ -239,6 +287,12 @@ def find_flats(
     phases = [2.0 * pi * k / FLAT_PHASES for k in range(FLAT_PHASES)]
     found = _run({phase: task(phase) for phase in phases}, jobs, None)
     return np.stack([found[phase] for phase in phases])
+
+
+def _shaken_columns(n_links: int) -> list[int]:
+    """Return where all steps' accelerations along x and z are, as ``all_probes`` orders them."""
+    first = 1 + 2 * n_links
+    return [first + axis * n_links + k for axis in (0, 2) for k in range(n_links)]
 
 
 def _stop_levels(base: Loop) -> list[float]:

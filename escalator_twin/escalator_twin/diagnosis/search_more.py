@@ -25,7 +25,8 @@ from escalator_twin.twin import make_simulation
 RAIL_STEP_M = 0.02
 RAIL_WORTH = 2.5  # chi squared by the step's own acceleration from which a place is simulated
 RAIL_TRIES = 2
-RAIL_SHIFTS_M = (-0.03, 0.0, 0.03)  # what the step's own acceleration leaves open
+RAIL_SHIFTS_M = (0.0, -0.03, 0.03)  # what the step's own acceleration leaves open
+RAIL_LEAST = 5.0  # chi squared there, below which no shift is tried
 TRIAL_M = 1.5e-3
 CHUNK = 128
 SLOWEST_HZ, ALL_CHANNELS_HZ, FASTEST_HZ = 0.08, 1.0, 10.0
@@ -86,6 +87,8 @@ def _rail_trial(search: Search, place: float, sign: float) -> Iterator[Proposal]
     count = 3 * round(length / 0.25)
     found: list[Proposal] = []
     for shift in RAIL_SHIFTS_M:
+        if found and max(p.gain for p in found) < RAIL_LEAST:
+            break
         at = float((place + shift) % length)
         location: dict[str, object] = {'s_m': at, 'side': 'left'}
         deviation = Deviation('guide_step', {'height_m': sign * TRIAL_M}, location)
@@ -268,6 +271,3 @@ def _frame_force(search: Search) -> tuple[Floats, float]:
     probes = np.array([(run.FRAME, 0, 0)], dtype=np.int64)
     record = simulation.advance(stage.setting.duration_s, RATE_HZ, probes)
     return record[:, 0], RATE_HZ
-
-
-MORE = (rail_steps, drive_waves, frame_bounce)

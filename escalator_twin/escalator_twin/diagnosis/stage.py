@@ -6,6 +6,7 @@ import numpy as np
 
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import RATE_HZ, Setting
+from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of, turn_all
 from escalator_twin.diagnosis.loops import rack_shift
 from escalator_twin.diagnosis.nuisance import Nuisance
@@ -110,6 +111,27 @@ class Stage:
     def fit(self, model: Floats) -> Fitted:
         """Fit the nuisance to what a model leaves."""
         return fit(self.white(model), self.white_nuisance, self.offset)
+
+    @property
+    def quiet(self) -> np.ndarray:
+        """Which channels no rattling shakes, (c,) bool."""
+        sensors = [self.machine.instruments.sensor(c) for c in self.observation.channels]
+        return np.array([not is_shaken(sensor) for sensor in sensors])
+
+    def judged(self, fitted: Fitted, cause: str | None = None) -> float:
+        """Return the chi squared that a cause is judged by: of the channels that it acts on."""
+        if cause in SHAKING:
+            return fitted.chi2
+        left = fitted.left().astype(np.float64).reshape(-1, len(self.observation.channels))
+        used = fitted.sizes + fitted.offset
+        return float(np.sum(left[:, self.quiet] ** 2) + used @ used)
+
+    def columns(self, changes: np.ndarray, cause: str) -> np.ndarray:
+        """Whiten what a cause changes, (n, c, p), in the channels that it acts on."""
+        if cause not in SHAKING:
+            changes = changes * self.quiet[None, :, None]
+        white: np.ndarray = self.whiten(changes)
+        return white
 
     def tuned(self, fitted: Fitted, share: float = 1.0) -> 'Stage':
         """Return the stage whose model holds the fitted tolerances, or a share of the step."""

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import fft
 
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor
-from escalator_twin.diagnosis.view import View
+from escalator_twin.diagnosis.split import comb_shares, in_time, loop_correlation
+from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import frequencies, TEMPERATURE
 from escalator_twin.signals import Floats
 
@@ -18,7 +18,6 @@ CLEAN_LOG, CLEAN_SD = -0.15, 0.22
 SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
-NO_PROBES = np.zeros((0, 3), np.int64)
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
 
 
@@ -100,11 +99,9 @@ def signature_of(context: Context, place: Beside, chi2: Floats, floor: float) ->
         if len(peaks) == PEAKS:
             break
     pitch_hz = observation.frame.speed_m_s / observation.frame.pitch_m
-    orders = f / pitch_hz
-    near = np.abs(orders - np.round(orders)) < 0.03
-    comb = float(power[near & (orders > 0.5)].sum() / max(power.sum(), 1e-30))
-    time = _in_time(left, place)
-    loop = _loop_correlation(time[:, main], observation.frame.n_loop)
+    comb = float(comb_shares(place)[main])
+    time = in_time(place)
+    loop = loop_correlation(time[:, main], observation.frame.n_loop)
     locked = []
     if comb > 0.5:
         locked.append('travel')
@@ -132,20 +129,3 @@ def signature_of(context: Context, place: Beside, chi2: Floats, floor: float) ->
         'largest_at_s_m': round(float(view.place_of(0)[at]), 2),
         'largest_at_time_s': round(float(observation.time_s[at, main]), 2),
     }
-
-
-def _in_time(left: Floats, place: Beside) -> Floats:
-    """Return the whitened residual along the grid, (n, c)."""
-    n = len(place.stage.observation.index)
-    whole = np.zeros((n, left.shape[1]))
-    whole[: len(left)] = left
-    found: Floats = fft.idct(whole, axis=0, norm='ortho')
-    return found
-
-
-def _loop_correlation(signal: Floats, n_loop: int) -> float | None:
-    """Return the correlation of two passages; None where fewer than a quarter loop came twice."""
-    twice = len(signal) - n_loop
-    if twice < n_loop // 4:
-        return None
-    return float(np.corrcoef(signal[:twice], signal[n_loop:])[0, 1])

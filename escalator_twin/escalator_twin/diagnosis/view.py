@@ -11,6 +11,8 @@ from escalator_twin.diagnosis.responses import at_sensors, Responses
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
 
+NO_PROBES = np.zeros((0, 3), np.int64)  # enough for places
+
 
 @dataclass(frozen=True)
 class View:

@@ -6,7 +6,7 @@ as the command line prints it.
 
 import argparse
 from collections.abc import Sequence
-import os
+from pathlib import Path
 import sys
 from typing import Any
 
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = rclpy.utilities.remove_ros_args(argv if argv is not None else sys.argv)
     given = parser.parse_args(words[1:])
     goal = Diagnose.Goal(
-        bags=[os.path.abspath(bag) for bag in given.bags],
+        bags=[str(Path(bag).absolute()) for bag in given.bags],
         extended_machine=given.extended,
         jobs=given.jobs,
         seed=given.seed,
@@ -103,8 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         result = ask(goal, executor, node)
         if given.json:
-            with open(given.json, 'w', encoding='utf-8') as file:
-                file.write(result.json)
+            Path(given.json).write_text(result.json, encoding='utf-8')
         print(result.message)
     except Refused as refusal:
         print(f'ask: {refusal}', file=sys.stderr)

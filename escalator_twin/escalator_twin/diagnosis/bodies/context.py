@@ -22,9 +22,8 @@ from escalator_twin.diagnosis.loops import Frame, Loop
 from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.observation import observe, on_grid
 from escalator_twin.diagnosis.responses import Responses
-from escalator_twin.diagnosis.search import LIKE_KNOBS
-from escalator_twin.diagnosis.unexplained import NO_PROBES
-from escalator_twin.diagnosis.view import View
+from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
+from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine, Sensor
 from escalator_twin.physics.course import course_of
@@ -263,10 +262,9 @@ def again(
     deviations: tuple[Deviation, ...] = (),
     jobs: int = 1,
     turned: Mapping[str, float] | None = None,
-    anew: bool = False,
 ) -> tuple[Context, Beside]:
     """Run a machine with deviations and align the recording with it."""
-    del jobs, turned, anew  # tolerances stay linear here
+    del jobs, turned  # tolerances stay linear here
     assert isinstance(context, BodyContext)
     machine = apply(context.machine, deviations)
     without = {LIKE_KNOBS[d.cause][0] for d in deviations if d.cause in LIKE_KNOBS}

@@ -13,11 +13,13 @@ from escalator_twin.diagnosis.bodies.everywhere import at_index
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.refine import refine
 from escalator_twin.diagnosis.regression import inner_products, score_each
-from escalator_twin.diagnosis.search import best, beyond, gains, Search, tolerances
-from escalator_twin.diagnosis.unexplained import NO_PROBES
-from escalator_twin.diagnosis.view import View
+from escalator_twin.diagnosis.search import best, Search
+from escalator_twin.diagnosis.search_gauges import gains
+from escalator_twin.diagnosis.search_whole import beyond, tolerances
+from escalator_twin.diagnosis.trial import Tried
+from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.walk import Bench
 
 ONE_SIDED = ('tensioner_friction', 'handrail_drag', 'roller_drag')  # drag has one sign
@@ -117,22 +119,27 @@ def _places(context: BodyContext, search: Search) -> Iterator[Proposal]:
         yield from best(proposals, KEEP_PLACES)
 
 
-def simulate(
-    context: Context, place: Beside, contenders: Sequence[Proposal], jobs: int
-) -> list[Refined]:
-    """Refine contenders with the twin itself."""
-    del context
+def attempt(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    contenders: Sequence[Proposal],
+    jobs: int,
+    afar: object = None,
+) -> list[Tried]:
+    """Refine contenders with the twin itself; tolerances stay linear beside them."""
+    del context, known, afar
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         done = pool.map(
             lambda p: refine(place.stage, place.model, place.fitted, p, steps=2), contenders
         )
-        return sorted((r for r in done if r is not None), key=lambda r: -r.gain)
+        tried = [Tried(r.proposal, r.gain, dict(r.sd)) for r in done if r is not None]
+    return sorted(tried, key=lambda t: -t.gain)
 
 
-def shows(before: Beside, after: Beside) -> bool:
-    """Tell whether an effect may stand: no roller rattles here whose dice a change would roll."""
-    del before, after
-    return True
+def undecided(context: Context, one: Proposal, other: Proposal | None) -> None:
+    """Name no further experiment: of this machine one experiment is described."""
+    del context, one, other
 
 
 def bare(before: Beside, effects: Sequence[Proposal]) -> Beside:
@@ -151,4 +158,4 @@ def bare(before: Beside, effects: Sequence[Proposal]) -> Beside:
     return replace(before, stage=stage, fitted=stage.fit(before.model))
 
 
-FREE_BODIES = Bench(propose, simulate, again, shows, bare)
+FREE_BODIES = Bench(propose, attempt, again, bare, undecided)

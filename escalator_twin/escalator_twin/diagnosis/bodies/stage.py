@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.bodies.running import Runs
 from escalator_twin.diagnosis.knobs import turn_all
@@ -26,6 +28,11 @@ class BodyStage(Stage):
 
     runs: Runs
     above: Mapping[str, float]
+
+    @property
+    def quiet(self) -> np.ndarray:
+        """Every channel: no roller rattles here whose dice a change would roll."""
+        return np.ones(len(self.observation.channels), bool)
 
     @property
     def machine_length(self) -> float:

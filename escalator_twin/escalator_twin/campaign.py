@@ -1,0 +1,211 @@
+"""Diagnose several recordings of one machine: some searched in full, the others as their proof."""
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+from escalator_twin import bagfile
+from escalator_twin.diagnosis.campaign import (
+    choose_scouts,
+    decide,
+    Joint,
+    joint_gain,
+    told_jointly,
+    union_of,
+)
+from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
+from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.telling import told
+from escalator_twin.diagnosis.unexplained import Unexplained
+from escalator_twin.diagnosis.walk import Found
+from escalator_twin.errors import NotYetError
+from escalator_twin.machine import load_machine, MultibodyMachine
+from escalator_twin.signals import Experiment
+
+MOST_CANDIDATES = 40
+SEARCH_COST = 3.0  # of a full search, in confirmations: for the progress alone
+Progress = Callable[[float, float], None]
+
+
+def diagnose_bag(
+    path: str,
+    machine_path: str,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Diagnose one recording."""
+    machine = load_machine(machine_path)
+    return diagnose_recording(bagfile.read(path, machine), machine, seed, jobs, progress)
+
+
+def confirm_bag(path: str, machine_path: str, effects: list[Proposal], seed: int) -> Confirmed:
+    """Put effects beside one more recording."""
+    machine = load_machine(machine_path)
+    return confirm_recording(bagfile.read(path, machine), machine, effects, seed)
+
+
+def experiment_of(path: str, machine_path: str) -> Experiment | None:
+    """Return what was set when a recording was made."""
+    return bagfile.read(path, load_machine(machine_path)).experiment
+
+
+def diagnose_together(
+    paths: list[str],
+    machine_path: str,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> tuple[dict[str, Any], list[Joint]]:
+    """Diagnose several recordings of one machine.
+
+    Parameters
+    ----------
+    paths : list of str
+    machine_path : str
+    seed : int
+        Of the bootstraps.
+    jobs : int
+        Recordings at once.
+    progress : callable, optional
+        Gets (done, total).
+
+    Returns
+    -------
+    document : dict
+        The JSON of ``diagnose`` without the extended machine.
+    joint : list of Joint
+        The accepted effects of machine and measurement.
+    """
+    n = len(paths)
+    done = 0.0
+
+    def tell(cost: float, total: float) -> None:
+        nonlocal done
+        done += cost
+        if progress is not None:
+            progress(done, total)
+
+    with ProcessPoolExecutor(max(1, min(jobs, n))) as pool:
+        experiments = list(pool.map(experiment_of, paths, [machine_path] * n))
+        chosen = choose_scouts(experiments)
+        others = [k for k in range(n) if k not in chosen]
+        if others and isinstance(load_machine(machine_path), MultibodyMachine):
+            raise NotYetError(f'diagnose: of such a machine at most {len(chosen)} recordings')
+        total = SEARCH_COST * len(chosen) + len(others)
+        scouts: list[Diagnosis] = []
+        for scout in pool.map(
+            diagnose_bag,
+            [paths[k] for k in chosen],
+            [machine_path] * len(chosen),
+            [seed] * len(chosen),
+        ):
+            scouts.append(scout)
+            tell(SEARCH_COST, total)
+        groups = union_of(scouts)
+        effects = [group[0][0].proposal for group in groups]
+        confirmed: list[Confirmed] = []
+        count = len(others)
+        for one in pool.map(
+            confirm_bag,
+            [paths[k] for k in others],
+            [machine_path] * count,
+            [effects] * count,
+            [seed] * count,
+        ):
+            confirmed.append(one)
+            tell(1.0, total)
+    joint = decide(groups, len(scouts), confirmed)
+    faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
+    rows: dict[int, dict[str, Any]] = {
+        k: {**_searched(s), 'searched': True} for k, s in zip(chosen, scouts, strict=True)
+    }
+    rows |= {
+        k: {**_confirmed(c), 'searched': False} for k, c in zip(others, confirmed, strict=True)
+    }
+    by_recording = [rows[k] for k in range(n)]
+    document = {
+        'recordings': [row.pop('document') for row in by_recording],
+        'effects': told_jointly(joint, faults, n),
+        'candidates': _candidates(scouts),
+        'unexplained': _unexplained([row['unexplained'] for row in by_recording]),
+        'gain': joint_gain(confirmed, seed) if confirmed else _own_gain(scouts),
+        'would_change': list(dict.fromkeys(line for s in scouts for line in s.would_change)),
+        'by_recording': by_recording,
+    }
+    return document, joint
+
+
+def _searched(scout: Diagnosis) -> dict[str, Any]:
+    return {
+        'path': scout.document['path'],
+        'document': scout.document,
+        'effects': scout.effects,
+        'candidates': scout.candidates,
+        'unexplained': rest_of(scout.unexplained),
+        'gain': scout.held_out.document() if scout.held_out else None,
+        'residual': scout.residual,
+    }
+
+
+def _confirmed(one: Confirmed) -> dict[str, Any]:
+    return {
+        'path': one.document['path'],
+        'document': one.document,
+        'effects': [_own(effect, sd) for effect, sd in zip(one.effects, one.sd, strict=True)],
+        'candidates': [],
+        'unexplained': rest_of(one.unexplained),
+        'gain': one.held_out.document(),
+        'residual': one.residual,
+    }
+
+
+def _own(effect: Proposal, sd: dict[str, float]) -> dict[str, Any]:
+    """Return an effect with the size that one recording alone would give it."""
+    return {**told(Found(effect, 0.0, sd, 0.0, ()), 0.0), 'probability': None}
+
+
+def rest_of(rest: Unexplained) -> dict[str, Any]:
+    """Return a remainder as contracts.md tells it."""
+    return {'significant': rest.significant, 'share': rest.share, 'signature': rest.signature}
+
+
+def _unexplained(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the largest remainder of all recordings."""
+    worst = max(rows, key=lambda row: (row['significant'], row['share']))
+    return {**worst, 'recordings': sum(bool(row['significant']) for row in rows)}
+
+
+def _candidates(scouts: list[Diagnosis]) -> list[dict[str, Any]]:
+    """Return the candidates of all searches, each once with its mean probability."""
+    rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for scout in scouts:
+        for row in scout.candidates:
+            rows.setdefault((row['cause'], str(row['location'])), []).append(row)
+    joint = [
+        {**group[0], 'probability': sum(r['probability'] for r in group) / len(scouts)}
+        for group in rows.values()
+    ]
+    return sorted(joint, key=lambda row: -row['probability'])[:MOST_CANDIDATES]
+
+
+def _own_gain(scouts: list[Diagnosis]) -> dict[str, Any]:
+    """Return the held-out gain inside the recordings, where all of them were searched."""
+    held = [s.held_out for s in scouts if s.held_out is not None]
+    seen = [h for h in held if h.channels is not None]
+    if not seen:
+        return {'held_out': None, 'split': held[0].split if held else 'nothing was accepted'}
+    names = {name for h in seen for name in h.channels or {}}
+    channels = {}
+    for name in sorted(names):
+        rows = [h.channels[name] for h in seen if h.channels and name in h.channels]
+        channels[name] = {key: sum(r[key] for r in rows) / len(rows) for key in rows[0]}
+    split = f'{len(seen)} recordings, each: {seen[0].split}'
+    document = {
+        'split': split,
+        'blocks': sum(h.blocks for h in seen),
+        'channels': channels,
+        'significant': all(h.significant for h in seen),
+    }
+    return {'held_out': document, 'split': split}

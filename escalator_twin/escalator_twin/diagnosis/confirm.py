@@ -1,0 +1,175 @@
+"""One more recording of a machine beside effects that other recordings have named.
+
+Nothing of the effects is fitted to it before it is judged: it is the held-out proof of the others'
+numbers, and then says what its own would be.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import atan2, pi
+from typing import Any
+
+import numpy as np
+
+from escalator_twin.comparison.document import recording_document
+from escalator_twin.comparison.judge import judge
+from escalator_twin.diagnosis.context import (
+    Beside,
+    beside,
+    Context,
+    prepare_tolerances,
+    tuned,
+    with_own_tolerances,
+)
+from escalator_twin.diagnosis.drive import refine_wave
+from escalator_twin.diagnosis.faults import Fault, faults_of
+from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.heldout import HeldOut, hold_out
+from escalator_twin.diagnosis.polish import increments
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import Refined
+from escalator_twin.diagnosis.regression import inner_products
+from escalator_twin.diagnosis.search import Search
+from escalator_twin.diagnosis.search_gauges import gains
+from escalator_twin.diagnosis.split import split
+from escalator_twin.diagnosis.stage import run_beside
+from escalator_twin.diagnosis.trial import DRIVE, MOVES_RESONANCE
+from escalator_twin.diagnosis.unexplained import look, Unexplained
+from escalator_twin.diagnosis.view import View
+from escalator_twin.machine import Machine
+from escalator_twin.signals import Recording
+
+QUARTER = 0.5 * pi
+TREADS = ('roller_eccentricity', 'roller_flat')
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """What a recording says of effects that others have named.
+
+    Attributes
+    ----------
+    document : mapping
+        The recording's part of the comparison, before extension.
+    effects : tuple of Proposal
+        As this recording alone would have them, in the order that was asked for.
+    sd : tuple of mapping of parameter to float
+    unexplained : Unexplained
+    held_out : HeldOut
+        Gain with the others' sizes.
+    faults : tuple of Fault
+    residual : mapping
+        What is left without and with the effects, by channel, see `split`.
+    """
+
+    document: dict[str, Any]
+    effects: tuple[Proposal, ...]
+    sd: tuple[dict[str, float], ...]
+    unexplained: Unexplained
+    held_out: HeldOut
+    faults: tuple[Fault, ...]
+    residual: dict[str, Any]
+
+
+def confirm_recording(
+    recording: Recording, machine: Machine, effects: Sequence[Proposal], seed: int = 0
+) -> Confirmed:
+    """Put effects beside another recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    machine : Machine
+        As described.
+    effects : sequence of Proposal
+        Of machine and measurement, with the numbers that other recordings gave.
+    seed : int
+        Of the bootstrap.
+    """
+    context = prepare_tolerances(recording, machine, load_floor(machine))
+    experiment = context.setting.experiment
+    trace = run_beside(machine, experiment, context.setting)
+    judgement = judge(context.setting, trace, machine)
+    document = recording_document(recording, context.setting, judgement, machine)
+    start = beside(context, steps=0)
+    plain_context, before = tuned(context, start=start)
+    waves = {k: _wave(before, e) for k, e in enumerate(effects) if e.cause in DRIVE}
+    here = [
+        _with_phase(e, waves[k].proposal.parameters['phase_rad'])
+        if k in waves
+        else _rolled(before, e)
+        for k, e in enumerate(effects)
+    ]
+    own = [e for e in here if of_machine(e)]
+    others = [e for e in here if not of_machine(e)]
+    deviations = tuple(e.deviation for e in own)
+    if any(e.cause in MOVES_RESONANCE for e in own):
+        context = with_own_tolerances(context, deviations)
+    elif own:
+        context = plain_context
+    turned = {} if context is not plain_context else before.stage.turned
+    stood_for = {e.nuisance for e in own}
+    turned = {k: z for k, z in turned.items() if k not in stood_for}
+    context, after = tuned(context, deviations, turned=turned) if own else (plain_context, before)
+    bare = after
+    after = freed(after, others)
+    held = hold_out(context, after, here, seed, before.stage.turned, sizes_known=True)
+    told: dict[int, tuple[Proposal, dict[str, float]]] = {
+        k: (wave.proposal, dict(wave.sd)) for k, wave in waves.items()
+    }
+    rest = [k for k, e in enumerate(here) if of_machine(e) and k not in told]
+    if rest:
+        chosen = [here[k] for k in rest]
+        known = tuple(here[k].deviation for k in waves)
+        found = increments(context, after, chosen, known)
+        told |= dict(zip(rest, zip(*found, strict=True), strict=True))
+    for k, effect in enumerate(here):
+        if k not in told:
+            told[k] = _measured(context, bare, effect)
+    return Confirmed(
+        document,
+        tuple(told[k][0] for k in range(len(here))),
+        tuple(told[k][1] for k in range(len(here))),
+        look(context, before, after),
+        held,
+        tuple(faults_of(context.setting, machine)),
+        {'before': split(context, before), 'after': split(context, after)},
+    )
+
+
+def _wave(place: Beside, effect: Proposal) -> Refined:
+    """Return a wave of the drive as this recording alone would have it."""
+    in_time = effect.cause == 'drive_hunting'
+    return refine_wave(place.stage, place.model, place.fitted.chi2, effect, in_time)
+
+
+def _rolled(place: Beside, effect: Proposal) -> Proposal:
+    """Return a tread's effect with the phase that it has here: a matter of how rollers stood."""
+    stage = place.stage
+    if effect.cause not in TREADS:
+        return effect
+    columns = []
+    for phase in (0.0, QUARTER):
+        run = stage.run((_with_phase(effect, phase).deviation,))
+        columns.append(run - place.model)
+    white = stage.columns(np.stack(columns, axis=2), effect.cause)
+    right, gram = inner_products(place.fitted, white)
+    c, d = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+    return _with_phase(effect, atan2(d, c))
+
+
+def _with_phase(effect: Proposal, phase: float) -> Proposal:
+    return replace(effect, parameters={**effect.parameters, 'phase_rad': float(phase)})
+
+
+def _measured(
+    context: Context, place: Beside, effect: Proposal
+) -> tuple[Proposal, dict[str, float]]:
+    """Return an effect of the measurement as this recording alone would have it."""
+    direction = context.setting.experiment.direction
+    view = View.of(context.machine, place.stage.observation, context.responses, direction)
+    for found in gains(Search(view, place.fitted, place.stage, place.model, 1)):
+        if found.cause == effect.cause and found.location == effect.location:
+            return found, dict(found.sd)
+    return effect, {}

@@ -1,0 +1,13 @@
+"""All families of causes: who looks for what."""
+
+from escalator_twin.diagnosis.search import Family
+from escalator_twin.diagnosis.search_gauges import gains
+from escalator_twin.diagnosis.search_more import drive_waves, frame_bounce, rail_steps
+from escalator_twin.diagnosis.search_places import drags, indexed, loads
+from escalator_twin.diagnosis.search_treads import eccentric, flats
+from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
+
+FAMILIES: tuple[Family, ...] = (
+    whole, tolerances, far, indexed, loads, drags, eccentric, flats, stops, gains,
+    rail_steps, drive_waves, frame_bounce,
+)  # fmt: skip

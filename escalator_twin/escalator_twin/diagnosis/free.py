@@ -1,0 +1,56 @@
+"""The nuisance that an effect of the measurement stands for, freed of its prior."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.stage import Stage
+
+FREED = 100.0  # by how much a nuisance's prior is widened once it is an effect
+
+
+def of_machine(proposal: Proposal) -> bool:
+    """Tell whether a proposal is of the machine, and not of its measurement."""
+    return KNOWN[proposal.cause].of_machine
+
+
+def freed(place: Beside, effects: Sequence[Proposal]) -> Beside:
+    """Return the comparison with the nuisance that an effect of the measurement stands for free.
+
+    The tolerance that an effect of the machine stands for stays as it is: the effect is its size.
+    """
+    stage = place.stage
+    columns = stage.white_nuisance
+    for effect in effects:
+        if of_machine(effect):
+            continue
+        names = stage.nuisance.names
+        if effect.cause == 'gauge_drift':
+            extra = stage.whiten(creep(stage, effect)[:, :, None])
+            columns = np.concatenate([columns, extra * np.float32(FREED)], axis=1)
+            nuisance = replace(stage.nuisance, names=(*names, f'effect/{len(names)}'))
+            stage = replace(stage, nuisance=nuisance)
+            continue
+        columns = columns.copy()
+        for k, name in enumerate(names):
+            if effect.nuisance is not None and name.startswith(effect.nuisance):
+                columns[:, k] *= FREED
+    stage = replace(stage, white_nuisance=columns)
+    return replace(place, stage=stage, fitted=stage.fit(place.model))
+
+
+def creep(stage: Stage, effect: Proposal) -> np.ndarray:
+    """Return the creep of a link's gauges over the recording by its strain, (n, c)."""
+    whole = np.zeros(stage.observation.measured.shape, np.float32)
+    for k, channel in enumerate(stage.observation.channels):
+        sensor = stage.machine.instruments.sensor(channel)
+        if sensor.name == effect.location.get('link'):
+            part = np.linspace(0.0, 1.0, len(whole))
+            c = effect.parameters['curvature']
+            shape = part if c == 0.0 else (1.0 - np.exp(-c * part)) / (1.0 - np.exp(-c))
+            whole[:, k] = sensor.scale * sensor.sign * shape * effect.parameters['strain']
+    return whole

@@ -1,0 +1,250 @@
+"""Fit effects and tolerances together, with the twin run at every step.
+
+An effect and a tolerance may do nearly the same: dry friction and damping of the carriage, its
+spring and the preload. Fitted in turns they creep along the valley between them; together they
+take it in a few steps.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from escalator_twin.diagnosis.context import (
+    Beside,
+    beside,
+    Context,
+    FAR_TURNED,
+    with_own_tolerances,
+)
+from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import changed, jacobian_of, moved, slope_of
+from escalator_twin.diagnosis.regression import fit, Fitted, inner_products
+from escalator_twin.diagnosis.stage import LARGEST
+from escalator_twin.machine import Deviation
+from escalator_twin.signals import Floats
+
+Free = Callable[[Beside], Beside]
+
+STEPS = 3
+ANEW = 1  # times that the tolerances' effect is taken anew on the way
+SHARES = (1.0, 0.4)
+SETTLED = 0.01  # of chi squared: a step that gains less ends the fit
+
+
+@dataclass(frozen=True)
+class Polished:
+    """Effects fitted together with the tolerances.
+
+    Attributes
+    ----------
+    context : Context
+        Whose tolerances act as they do in the machine with the effects.
+    place : Beside
+        That machine, its tolerances turned.
+    effects : tuple of Proposal
+        With the fitted numbers.
+    sd : tuple of mapping of parameter to float
+        One of each effect, by chi squared alone.
+    """
+
+    context: Context
+    place: Beside
+    effects: tuple[Proposal, ...]
+    sd: tuple[dict[str, float], ...]
+
+
+def polish(
+    context: Context,
+    effects: Sequence[Proposal],
+    turned: Mapping[str, float],
+    known: Sequence[Proposal] = (),
+    free: Free | None = None,
+    anew: bool = False,
+    jobs: int = 1,
+    steps: int = STEPS,
+) -> Polished:
+    """Fit the numbers of effects of the machine together with its tolerances.
+
+    Parameters
+    ----------
+    context : Context
+    effects : sequence of Proposal
+        Of the machine.
+    turned : mapping of tolerance to float
+        Where the fit begins, standard deviations.
+    known : sequence of Proposal
+        More effects of the machine, whose numbers stay.
+    free : callable, optional
+        Frees the nuisance that effects of the measurement stand for.
+    anew : bool
+        The effects change what the tolerances do: take that anew first.
+    jobs : int
+        Simulations at a time.
+    steps : int
+        Of Gauss and Newton, at most.
+    """
+    effects = tuple(effects)
+    stood_for = {e.nuisance for e in (*effects, *known)}
+    at = {k: z for k, z in turned.items() if k not in stood_for}
+    fit_one = _Fit(context, tuple(k.deviation for k in known), free)
+    if anew:
+        fit_one = fit_one.taken_anew(effects, at, jobs)
+    tangent = dict(at)
+    place = fit_one.beside(effects, at)
+    spreads = tuple(dict[str, float]() for _ in effects)
+    left = ANEW
+    for _ in range(steps):
+        white = fit_one.columns(place, effects)
+        spreads = _spreads(place, effects, white)
+        trial = fit_one.step(place, effects, white)
+        if trial is None:
+            break
+        gained = judged(place, effects) - judged(trial[0], effects)
+        place, effects = trial
+        if gained < SETTLED * judged(place, effects):
+            break
+        away = [abs(z - tangent.get(k, 0.0)) for k, z in place.stage.turned.items()]
+        if left and max(away, default=0.0) > FAR_TURNED:
+            left -= 1
+            tangent = dict(place.stage.turned)
+            fit_one = fit_one.taken_anew(effects, tangent, jobs)
+            place = fit_one.beside(effects, tangent)
+    return Polished(fit_one.context, place, effects, spreads)
+
+
+def increments(
+    context: Context,
+    place: Beside,
+    effects: Sequence[Proposal],
+    known: tuple[Deviation, ...] = (),
+) -> tuple[tuple[Proposal, ...], tuple[dict[str, float], ...]]:
+    """Return effects as one recording alone would have them, by one step, and their spreads.
+
+    Parameters
+    ----------
+    context : Context
+    place : Beside
+        The machine with the effects.
+    effects : sequence of Proposal
+        Of the machine.
+    known : tuple of Deviation
+        More of its effects, whose numbers stay.
+    """
+    effects = tuple(effects)
+    white = _Fit(context, known, None).columns(place, effects)
+    fitted, _ = _free(place, effects)
+    right, gram = inner_products(fitted, white)
+    delta = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+    found = tuple(_moved(effects, delta, place.stage.machine_length))
+    return found, _spreads(place, effects, white)
+
+
+def judged(place: Beside, effects: Sequence[Proposal]) -> float:
+    """Return what a step is judged by: all channels that one of the effects acts on."""
+    shaking = next((e.cause for e in effects if e.cause in SHAKING), None)
+    return place.stage.judged(place.fitted, shaking)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """What stays the same over the steps."""
+
+    context: Context
+    known: tuple[Deviation, ...]
+    free: Free | None
+
+    def deviations(self, effects: Sequence[Proposal]) -> tuple[Deviation, ...]:
+        return (*self.known, *(e.deviation for e in effects))
+
+    def taken_anew(
+        self, effects: Sequence[Proposal], turned: Mapping[str, float], jobs: int
+    ) -> '_Fit':
+        """Return the same where the tolerances act as they do in this machine."""
+        context = with_own_tolerances(self.context, self.deviations(effects), jobs, turned)
+        return replace(self, context=context)
+
+    def beside(self, effects: Sequence[Proposal], turned: Mapping[str, float]) -> Beside:
+        place = beside(self.context, self.deviations(effects), steps=0, turned=turned)
+        return place if self.free is None else self.free(place)
+
+    def columns(self, place: Beside, effects: Sequence[Proposal]) -> np.ndarray:
+        """Return the whitened change by every number of every effect, (m, p)."""
+        found = []
+        for k, effect in enumerate(effects):
+            others = [e.deviation for j, e in enumerate(effects) if j != k]
+            bare = replace(place.stage, machine=self.context.machine)
+            bare = bare.extended((*self.known, *others))
+            found.append(jacobian_of(bare, None, place.model, effect))
+        return np.concatenate(found, axis=1)
+
+    def step(
+        self, place: Beside, effects: tuple[Proposal, ...], white: np.ndarray
+    ) -> tuple[Beside, tuple[Proposal, ...]] | None:
+        """Take the step of Gauss and Newton, or a part of it; None where neither explains more."""
+        stage = place.stage
+        fitted, kept = _free(place, effects)
+        right, gram = inner_products(fitted, white)
+        delta = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+        rest = fit(fitted.white - white @ delta.astype(np.float32), fitted.columns, fitted.offset)
+        sizes = np.zeros(len(stage.nuisance.names))
+        sizes[kept] = rest.sizes
+        names = {knob.name for knob in stage.knobs} - {e.nuisance for e in effects}
+        before = judged(place, effects)
+        for share in SHARES:
+            trial = tuple(_moved(effects, share * delta, stage.machine_length))
+            turned = {
+                name: float(np.clip(offset + share * size, -LARGEST, LARGEST))
+                for name, offset, size in zip(
+                    stage.nuisance.names, stage.offset, sizes, strict=True
+                )
+                if name in names
+            }
+            after = self.beside(trial, turned)
+            if judged(after, effects) < before:
+                return after, trial
+        return None
+
+
+def _free(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]]:
+    """Return the fit without the tolerances that effects stand for, and which columns it has."""
+    names = place.stage.nuisance.names
+    fitted, kept = place.fitted, list(range(len(names)))
+    for effect in effects:
+        if effect.nuisance in names:
+            index = kept.index(names.index(str(effect.nuisance)))
+            fitted = fitted.without(index)
+            kept.pop(index)
+    return fitted, kept
+
+
+def _moved(effects: Sequence[Proposal], delta: Floats, length_m: float) -> list[Proposal]:
+    """Return the effects with their numbers moved."""
+    found, first = [], 0
+    for effect in effects:
+        part = delta[first : first + len(effect.fitted)]
+        first += len(effect.fitted)
+        values = {
+            key: moved(effect, key, float(d)) for key, d in zip(effect.fitted, part, strict=True)
+        }
+        found.append(changed(effect, values, length_m))
+    return found
+
+
+def _spreads(
+    place: Beside, effects: tuple[Proposal, ...], white: np.ndarray
+) -> tuple[dict[str, float], ...]:
+    """Return one standard deviation of every number, beside all others and the nuisance."""
+    fitted, _ = _free(place, effects)
+    _, gram = inner_products(fitted, white)
+    covariance = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    found, first = [], 0
+    for effect in effects:
+        spread = {}
+        for i, key in enumerate(effect.fitted, first):
+            variance = max(float(covariance[i, i]), 0.0)
+            spread[key] = abs(slope_of(effect, key)) * variance**0.5
+        found.append(spread)
+        first += len(effect.fitted)
+    return tuple(found)

@@ -1,0 +1,80 @@
+"""Faults of gauges and accelerometer that the nuisance stands for within tolerance."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regression import (
+    fit,
+    Fitted,
+    inner_products,
+    score_each,
+    score_groups,
+)
+from escalator_twin.diagnosis.search import Search
+from escalator_twin.diagnosis.search_whole import beyond
+
+COMMON_SCALE = 0.02  # of all forces alike, one standard deviation
+CURVATURES = (0.0, 1.0, 2.0, 4.0, 8.0)  # of a gauge's creep
+
+
+def _with_common_scale(search: Search) -> Fitted:
+    """Return the fit with one more freedom: all forces a little larger or smaller alike.
+
+    That is no gauge's gain but the machine's, whatever does it.
+    """
+    fitted, model = search.fitted, search.model
+    channels = search.view.observation.channels
+    quantities = [search.machine.instruments.sensor(c).quantity for c in channels]
+    forces = np.array([quantity == 'link_force' for quantity in quantities])
+    if not forces.any():
+        return fitted
+    column = COMMON_SCALE * (model - model.mean(axis=0)) * forces
+    columns = np.concatenate([fitted.columns, search.whiten(column[:, :, None])], axis=1)
+    return fit(fitted.white, columns, np.append(fitted.offset, 0.0))
+
+
+def gains(search: Search) -> Iterator[Proposal]:
+    """Propose a gauge's gain and its creep, and the accelerometer's rotation."""
+    machine, names = search.machine, search.names
+    beside = _with_common_scale(search)
+    part = np.linspace(0.0, 1.0, len(search.model))
+    for k, channel in enumerate(search.view.observation.channels):
+        sensor = machine.instruments.sensor(channel)
+        if f'{channel}/gain' in names:
+            at = names.index(f'{channel}/gain')
+            score = score_each(beside.without(at), beside.columns[:, at : at + 1])
+            factor = 1.0 + sensor.gain_tol * float(score.size[0])
+            yield Proposal(
+                'gauge_gain', {'link': sensor.name}, {'factor': factor}, beyond(score),
+                {'factor': sensor.gain_tol * float(score.sd[0])}, 4, ('factor',),
+                f'{channel}/gain',
+            )  # fmt: skip
+        if sensor.thermal_drift > 0.0:
+            columns = np.zeros((*search.model.shape, len(CURVATURES)), np.float32)
+            for j, c in enumerate(CURVATURES):
+                creep = part if c == 0.0 else (1.0 - np.exp(-c * part)) / (1.0 - np.exp(-c))
+                columns[:, k, j] = sensor.scale * sensor.sign * creep
+            score = score_each(search.fitted, search.whiten(columns))
+            top = int(np.argmax(score.gain))
+            yield Proposal(
+                'gauge_drift', {'link': sensor.name},
+                {'strain': float(score.size[top]), 'curvature': CURVATURES[top]},
+                float(score.gain[top]), {'strain': float(score.sd[top])}, 4, ('strain',),
+            )  # fmt: skip
+    turned = [names.index(f'rotation/{a}') for a in 'xyz' if f'rotation/{a}' in names]
+    if len(turned) == 3:
+        tolerance = max(s.rotation_tol_deg for s in machine.instruments.sensors)
+        rest = search.fitted
+        for at in reversed(turned):
+            rest = rest.without(at)
+        sizes, _ = score_groups(rest, search.fitted.columns[:, turned], 3)
+        _, gram = inner_products(rest, search.fitted.columns[:, turned])
+        spread = np.eye(3) + np.linalg.inv(gram)
+        gain = float(sizes[0] @ np.linalg.solve(spread, sizes[0]))
+        degrees = {f'{a}_deg': float(tolerance * sizes[0, i]) for i, a in enumerate('xyz')}
+        yield Proposal(
+            'accelerometer_misalignment', {}, degrees, gain, {},
+            1, tuple(degrees), 'rotation',
+        )  # fmt: skip

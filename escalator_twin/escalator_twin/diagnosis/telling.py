@@ -1,0 +1,185 @@
+"""What was found, as contracts.md tells it, with what speaks for and against it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.context import Context
+from escalator_twin.diagnosis.faults import Fault
+from escalator_twin.diagnosis.further import decide_between, Further
+from escalator_twin.diagnosis.heldout import HeldOut
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.verdict import (
+    ALIKE,
+    EFFECT_TOLERANCES,
+    size_in_tolerances,
+    Weighed,
+)
+from escalator_twin.diagnosis.walk import Found, Walked
+
+LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
+SURE = 0.9  # probability from which nothing more is asked for
+DOUBTFUL = 0.1  # from which a cause that is not named is worth another experiment
+MOST_CANDIDATES = 20
+NORMAL_95 = 1.96
+HIDDEN = {'phase_rad', 'curvature'}
+SHAPES = {('guide_step', 'length_m')}  # not among the numbers of contracts.md
+
+
+def would_change(
+    context: Context,
+    walked: Walked,
+    named: list[tuple[Found, float]],
+    held: HeldOut | None,
+    decide: Callable[[Context, Proposal, Proposal | None], Further | None] = decide_between,
+) -> list[str]:
+    """Return what would change the verdict: further data, as far as something stays open."""
+    lines = []
+    if held is not None and held.channels is None:
+        lines.append(f'a longer recording: {held.split}')
+    for found, probability in named:
+        names = alternatives(found)
+        if probability >= SURE and not names:
+            continue
+        rival = next((r.proposal for r in found.rivals if r.proposal.cause in names), None)
+        further = decide(context, found.proposal, rival)
+        if further is not None:
+            other = rival.cause if rival is not None else 'no effect'
+            lines.append(
+                f'{found.proposal.cause} or {other}: one loop at {further.text} would tell them '
+                f'apart by {further.nats:.0f} nats at most'
+            )
+    if not named and walked.weighed and walked.weighed[0].probability > DOUBTFUL:
+        top = walked.weighed[0]
+        further = decide(context, top.proposal, None)
+        if further is not None:
+            lines.append(
+                f'{top.proposal.cause} has probability {top.probability:.2f}: one loop at '
+                f'{further.text} would decide by {further.nats:.0f} nats at most'
+            )
+    return lines
+
+
+def told(found: Found, probability: float) -> dict[str, Any]:
+    """Return an effect as contracts.md tells it."""
+    proposal = found.proposal
+    cause = KNOWN[proposal.cause]
+    parameters = {}
+    for parameter in cause.parameters:
+        if parameter.name not in proposal.parameters or parameter.name in HIDDEN:
+            continue
+        if (proposal.cause, parameter.name) in SHAPES:
+            continue
+        value = proposal.parameters[parameter.name]
+        half = NORMAL_95 * _spread(found, parameter.name, value)
+        parameters[parameter.name] = {
+            'value': value,
+            'low': max(value - half, parameter.low),
+            'high': min(value + half, parameter.high),
+        }
+    return {
+        'cause': proposal.cause,
+        'location': _place(proposal),
+        'parameters': parameters,
+        'probability': min(probability, 0.99),
+        'alternatives': alternatives(found),
+    }
+
+
+def _spread(found: Found, name: str, value: float) -> float:
+    """Return one standard deviation of a parameter: fit, tolerance of the own value, law."""
+    proposal = found.proposal
+    parameter = next(p for p in KNOWN[proposal.cause].parameters if p.name == name)
+    sd = found.sd.get(name, 0.0)
+    neutral = parameter.neutral if parameter.neutral is not None else value
+    size = value - neutral if np.isfinite(neutral) else 0.0
+    tolerance = parameter.tolerance or 0.0
+    # a factor multiplies the machine's own value
+    tolerance *= value if parameter.name == 'factor' else 0.5
+    return float(np.sqrt(sd**2 + tolerance**2 + (LAW_ERROR * size) ** 2))
+
+
+def _place(proposal: Proposal) -> dict[str, Any]:
+    place = dict(proposal.location)
+    for key, value in place.items():
+        if isinstance(value, float):
+            place[key] = round(value, 3)
+    return place
+
+
+def alternatives(found: Found) -> list[str]:
+    """Return the causes that the data cannot tell apart from an accepted one."""
+    own = found.proposal
+    names = []
+    best = max((w.evidence for w in found.rivals), default=0.0)
+    for rival in found.rivals:
+        name = rival.proposal.cause
+        if name != own.cause and rival.evidence > best - ALIKE and name not in names:
+            names.append(name)
+    if own.cause == 'rolling_resistance' and own.parameters['factor'] > 1.0:
+        names.append('friction_speed')  # at one speed the same
+    return names[:3]
+
+
+def told_fault(fault: Fault) -> dict[str, Any]:
+    return {
+        'cause': fault.cause,
+        'location': dict(fault.location),
+        'parameters': {
+            name: {'value': value, 'low': low, 'high': high}
+            for name, (value, low, high) in fault.parameters.items()
+        },
+        'probability': fault.probability,
+        'alternatives': [],
+    }
+
+
+def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
+    """Return what speaks for and against a candidate, in words."""
+    size = size_in_tolerances(weighed.proposal)
+    for_it = [f'chi squared falls by {weighed.gain:.0f}']
+    against: list[str] = []
+    if np.isfinite(size):
+        side = for_it if size >= EFFECT_TOLERANCES else against
+        side.append(f'its size is {size:.1f} tolerances of a good machine')
+    if weighed.gain < best:
+        against.append(f'that is {weighed.gain / best:.0%} of what the accepted one explains')
+    if weighed.proposal.places > 1:
+        against.append(f'chosen among {weighed.proposal.places} places')
+    return {'for': for_it, 'against': against}
+
+
+def candidates(
+    walked: Walked, named: list[tuple[Found, float]], faults: tuple[Fault, ...]
+) -> list[dict[str, Any]]:
+    """Return all that were weighed, best first, each cause and place once."""
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+
+    def add(weighed: Weighed, probability: float) -> None:
+        proposal = weighed.proposal
+        key = (proposal.cause, str(_place(proposal)))
+        if key not in rows or rows[key]['probability'] < probability:
+            rows[key] = {
+                'cause': proposal.cause,
+                'location': _place(proposal),
+                'probability': probability,
+                'evidence': evidence_lines(weighed, best),
+            }
+
+    best = max((found.gain for found, _ in named), default=0.0)
+    for found, probability in named:
+        for rival in found.rivals:
+            share = rival.probability
+            add(rival, probability if rival.proposal is found.proposal else share)
+    for rival in walked.weighed:
+        add(rival, rival.probability)
+    for fault in faults:
+        rows[fault.cause, str(fault.location)] = {
+            'cause': fault.cause,
+            'location': dict(fault.location),
+            'probability': fault.probability,
+        }
+    ordered = sorted(rows.values(), key=lambda row: -row['probability'])
+    return ordered[:MOST_CANDIDATES]

@@ -1,0 +1,227 @@
+"""Run the twin with what a search proposes, and fit the best of it together with the tolerances."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.context import Beside, beside, Context
+from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
+from escalator_twin.diagnosis.free import FREED, freed
+from escalator_twin.diagnosis.polish import polish, Polished
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.errors import EscalatorError
+from escalator_twin.machine import Deviation
+
+CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
+CLOSEST = 0.85  # the same of what was sought from afar
+FIRST_STEPS = 1  # of a contender, before the best is known
+# Causes that change the machine so much that its tolerances act otherwise.
+MOVES_RESONANCE = frozenset({
+    'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
+    'drive_stiffness', 'chain_elongation', 'landing_length', 'rolling_resistance',
+    'truss_resonance',
+})  # fmt: skip
+DRIVE = ('drive_hunting', 'drive_ripple')
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A proposal that the twin was run with.
+
+    Attributes
+    ----------
+    proposal : Proposal
+        With the fitted numbers.
+    gain : float
+        Fall of chi squared, in the channels that the cause acts on.
+    sd : mapping of parameter to float
+    polished : Polished or None
+        Where it was fitted together with the tolerances and the known effects, these first.
+    """
+
+    proposal: Proposal
+    gain: float
+    sd: dict[str, float]
+    polished: Polished | None = None
+
+
+def try_all(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    contenders: Sequence[Proposal],
+    jobs: int,
+    afar: Afar | None = None,
+) -> list[Tried]:
+    """Refine contenders with the twin, then fit the best together with everything else.
+
+    Parameters
+    ----------
+    context : Context
+    place : Beside
+        The machine with the known effects.
+    known : sequence of Proposal
+        Accepted effects, of machine and measurement.
+    contenders : sequence of Proposal
+        Of the machine.
+    jobs : int
+        Simulations at a time.
+    afar : Afar, optional
+        More of them, for the machine as described.
+
+    Returns
+    -------
+    tried : list of Tried
+        Best first.
+    """
+    single = [p for p in contenders if p.cause not in DRIVE]
+    stage, base, fitted = place.stage, place.model, place.fitted
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        first = [
+            r
+            for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
+            if r is not None
+        ]
+        waves = pool.map(
+            lambda pair: refine_drive(stage, base, fitted.chi2, *pair), _pairs(contenders)
+        )
+        refined = first + [r for pair in waves for r in pair]
+        refined.sort(key=lambda r: -r.gain)
+        leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
+        fitted_again = list(pool.map(lambda r: _fitted(context, place, known, r), leading))
+        if afar is not None:
+            fitted_again += _tried_afar(context, afar, place, known, pool)
+    rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
+    tried = _locked(context, place, fitted_again + rest)
+    return sorted(tried, key=lambda t: -t.gain)
+
+
+def _tried_afar(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    pool: ThreadPoolExecutor,
+) -> list[Tried]:
+    """Fit what was sought from the machine as described, beginning there."""
+    base = afar.place
+    first = pool.map(
+        lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
+    )
+    refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
+    leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
+    fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}), leading)
+    found = []
+    for tried in fitted:
+        if tried.polished is not None:
+            # from here on with what every other cause does
+            knobs = tried.polished.context.responses.knobs
+            whole = replace(context, responses=replace(context.responses, knobs=knobs))
+            found.append(replace(tried, polished=replace(tried.polished, context=whole)))
+    return found
+
+
+def _plain(refined: Refined) -> Tried:
+    return Tried(refined.proposal, refined.gain, dict(refined.sd))
+
+
+def _fitted(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    refined: Refined,
+    turned: Mapping[str, float] | None = None,
+) -> Tried:
+    """Fit a refined cause together with the tolerances and what is known already.
+
+    ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
+    """
+    if refined.proposal.cause in DRIVE:
+        return _realigned(context, place, refined)
+    of_machine = [k for k in known if KNOWN[k.cause].of_machine]
+    again = [k for k in of_machine if k.cause not in DRIVE]
+    fixed = [k for k in of_machine if k.cause in DRIVE]
+    before = place.stage.judged(place.fitted, refined.proposal.cause)
+    try:
+        polished = polish(
+            context,
+            [*again, refined.proposal],
+            place.stage.turned if turned is None else turned,
+            fixed,
+            lambda p: freed(p, known),
+            refined.proposal.cause in MOVES_RESONANCE,
+        )
+    except EscalatorError:
+        return _plain(refined)
+    proposal = polished.effects[-1]
+    gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
+    if turned is None and gain <= 0.5 * refined.gain:
+        return _plain(refined)
+    return Tried(proposal, gain, polished.sd[-1], polished)
+
+
+def _realigned(context: Context, place: Beside, refined: Refined) -> Tried:
+    """Align the recording anew with a wave of the drive, and fit it there once more."""
+    deviations = (*_known(context, place), refined.proposal.deviation)
+    try:
+        anew = beside(context, deviations, turned=place.stage.turned)
+    except EscalatorError:
+        return _plain(refined)
+    bare = replace(anew.stage, machine=place.stage.machine)
+    if bare.white_nuisance.shape[1] == place.stage.white_nuisance.shape[1]:
+        bare = replace(bare, white_nuisance=bare.white_nuisance * _widths(place))
+    in_time = refined.proposal.cause == 'drive_hunting'
+    again = refine_wave(bare, bare.run(), place.fitted.chi2, refined.proposal, in_time)
+    gain = place.fitted.chi2 - again.fitted.chi2
+    return _plain(replace(again, gain=gain) if gain > refined.gain else refined)
+
+
+def _known(context: Context, place: Beside) -> tuple[Deviation, ...]:
+    """Return the deviations that were accepted so far."""
+    return place.stage.machine.deviations[len(context.machine.deviations) :]
+
+
+def _widths(place: Beside) -> np.ndarray:
+    """Return by how much each nuisance's prior was widened, (q,)."""
+    plain = place.stage.whiten(place.stage.nuisance.columns[:, :, :])
+    now = place.stage.white_nuisance[:, : plain.shape[1]]
+    power = np.sqrt(np.sum(now**2, axis=0) / np.maximum(np.sum(plain**2, axis=0), 1e-30))
+    return np.where(power > 2.0, FREED, 1.0).astype(np.float32)
+
+
+def _locked(context: Context, place: Beside, tried: list[Tried]) -> list[Tried]:
+    """Weigh hunting against ripple of one wave by the same runs."""
+    waves = {cause: next((t for t in tried if t.proposal.cause == cause), None) for cause in DRIVE}
+    hunting, ripple = waves['drive_hunting'], waves['drive_ripple']
+    if hunting is None or ripple is None:
+        return tried
+    best = max(hunting.gain, ripple.gain)
+    if best < CLOSE * max(t.gain for t in tried):
+        return tried
+    deviations = (*_known(context, place), hunting.proposal.deviation)
+    anew = beside(context, deviations, steps=1, turned=place.stage.turned)
+    bare = replace(anew.stage, machine=place.stage.machine)
+    in_time, in_travel = locks(bare, bare.run(), hunting.proposal)
+    low = min(in_time, in_travel)
+    weighed = {
+        id(hunting): replace(hunting, gain=best - (in_time - low)),
+        id(ripple): replace(ripple, gain=best - (in_travel - low)),
+    }
+    return [weighed.get(id(t), t) for t in tried]
+
+
+def _pairs(contenders: Sequence[Proposal]) -> list[tuple[Proposal, Proposal]]:
+    """Return hunting and ripple of one frequency together."""
+    hunting = [p for p in contenders if p.cause == 'drive_hunting']
+    ripple = [p for p in contenders if p.cause == 'drive_ripple']
+    return [
+        (h, r)
+        for h in hunting
+        for r in ripple
+        if h.parameters['phase_rad'] == r.parameters['phase_rad']
+    ]
