@@ -68,8 +68,8 @@ floor: setup
 	@exec tools/floor.sh
 
 # The twin's own error on good machines of the second kind, drawn by its generator.
-# make kwon-floor [N=4] [SEED=100] [OUT=DIR] [JOBS=1]
-kwon-floor: N = 4
+# make kwon-floor [N=3] [SEED=100] [OUT=DIR] [JOBS=1]
+kwon-floor: N = 3
 kwon-floor: SEED = 100
 kwon-floor: OUT = out/kwon_good
 kwon-floor: setup
@@ -79,7 +79,7 @@ kwon-floor: setup
 	for ((i = 0; i < $(N); i++)); do
 	    bag="$$out/machine_$$(( $(SEED) + i ))"
 	    if [[ ! -d $$bag ]]; then
-	        ../.venv/bin/python -m belt "$$bag" seed=$$(( $(SEED) + i )) duration=40
+	        ../.venv/bin/python -m belt "$$bag" seed=$$(( $(SEED) + i )) duration=30
 	    fi
 	    bags+=("$$bag")
 	done

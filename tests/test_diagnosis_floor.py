@@ -1,5 +1,7 @@
 """The file of the twin's own error, and what it makes of a sensor's noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trials
@@ -12,6 +14,7 @@ from escalator_twin.diagnosis.floor import (
     load_floor,
     ORDERS,
     read_floor,
+    TEMPERATURE,
     write_floor,
 )
 from escalator_twin.errors import MachineError
@@ -111,3 +114,13 @@ def test_the_prototype_has_a_floor_for_all_its_channels():
 
 def test_a_machine_without_a_file_has_none():
     assert load_floor(trials.toy()).levels == {}
+
+
+def test_a_file_tells_its_temperature(floor, tmp_path):
+    path = tmp_path / 'some_floor.yaml'
+    write_floor(path, replace(floor, temperature=2.5), 'test')
+    assert read_floor(path).temperature == 2.5
+
+
+def test_the_prototypes_temperature_is_that_of_linked_chains():
+    assert load_floor(trials.prototype()).temperature == TEMPERATURE == 8.0

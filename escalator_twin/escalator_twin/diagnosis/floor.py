@@ -7,7 +7,7 @@ of the pitch, where waves of the rail that the survey does not show move all rol
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,10 @@ from escalator_twin.signals import Floats
 SCHEMA = 'escalator_twin/floor/1'
 ORDERS = (0.0, 0.1, 0.5, 1.5, 3.5, 6.5, 10.0, 16.0, 40.0)  # edges of the smooth part
 HARMONICS = 32
+# The twin's error is not noise of its own in every sample: in machines within tolerance the falls of
+# chi squared that false causes reach exceed those of white noise by a factor. This is that of linked
+# chains (calibrated on generated recordings, docs/diagnosis.md); a floor's file may tell another.
+TEMPERATURE = 8.0
 LINE_HALF = 0.03  # orders that belong to a line on each side
 LINE_SCALE = 0.013  # a line's skirt falls by e over this order: the place in the loop modulates it
 LINE_REACH = 0.1
@@ -79,10 +83,17 @@ class Floor:
     clean : (float, float), optional
         Mean and standard deviation, over channels and good machines, of the logarithm of chi
         squared per coefficient over the floor.
+    temperature : float
+        By which all variances are multiplied; priors are not.
+    leans : mapping of cause to float
+        Causes that the twin's own error looks like: one standard deviation of the size that good
+        machines seem to have of them, SI. They are nuisance, and no names.
     """
 
     levels: Mapping[str, Mapping[float, Level]]
     clean: tuple[float, float] | None = None
+    temperature: float = TEMPERATURE
+    leans: Mapping[str, float] = field(default_factory=dict)
 
     def mean_of(self, sensor: Sensor, speed_m_s: float) -> tuple[float, float] | None:
         """Return what a channel's mean is above the twin's, and its scatter, SI; None unknown."""
@@ -199,7 +210,9 @@ def read_floor(path: Path) -> Floor:
         if len(level.smooth) != len(ORDERS) - 1:
             raise MachineError(f'{path}: smooth: expected {len(ORDERS) - 1} numbers')
         levels.setdefault(row['kind'], {})[float(row['speed_m_s'])] = level
-    return Floor(levels, _pair(data.get('clean')))
+    leans = {cause: float(size) for cause, size in data.get('leans', {}).items()}
+    heat = float(data.get('temperature', TEMPERATURE))
+    return Floor(levels, _pair(data.get('clean')), heat, leans)
 
 
 def _pair(found: list[float] | None) -> tuple[float, float] | None:
@@ -221,6 +234,9 @@ def write_floor(path: Path, floor: Floor, source: str) -> None:
         for speed, level in levels.items()
     ]
     clean = {'clean': [float(f'{v:.3g}') for v in floor.clean]} if floor.clean else {}
-    whole = {'schema': SCHEMA, **clean, 'levels': rows}
+    heat = {'temperature': float(f'{floor.temperature:.3g}')}
+    leans = {cause: float(f'{size:.3g}') for cause, size in floor.leans.items()}
+    told = {'leans': leans} if leans else {}
+    whole = {'schema': SCHEMA, **heat, **clean, **told, 'levels': rows}
     text = yaml.safe_dump(whole, sort_keys=False, width=100)
     path.write_text(f'# {source}\n{text}', encoding='utf-8')

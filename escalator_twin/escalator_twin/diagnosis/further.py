@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.floor import is_shaken
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_loop
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.whitening import sensor_variance, TEMPERATURE
+from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Experiment, Floats
@@ -95,7 +95,7 @@ def decide_between(context: Context, one: Proposal, other: Proposal | None) -> F
             second = _loop(apply(machine, deviations), experiment)
         except EscalatorError:
             continue
-        nats = _apart(machine, experiment, first - second)
+        nats = _apart(context, experiment, first - second)
         if best is None or nats > best.nats:
             best = Further(experiment, nats)
     return best
@@ -108,8 +108,9 @@ def _loop(machine: Machine, experiment: Experiment) -> Floats:
     return simulate_loop(machine, experiment, frame, probes).columns.astype(np.float64)
 
 
-def _apart(machine: Machine, experiment: Experiment, difference: Floats) -> float:
+def _apart(context: Context, experiment: Experiment, difference: Floats) -> float:
     """Return half the squared difference over the noise, at the temperature of the verdict."""
+    machine = context.machine
     rate = Frame.of(machine, experiment.set_speed_m_s).rate_hz
     total = 0.0
     for k, sensor in enumerate(machine.instruments.sensors):
@@ -117,4 +118,4 @@ def _apart(machine: Machine, experiment: Experiment, difference: Floats) -> floa
             continue
         centred = difference[:, k] - difference[:, k].mean()
         total += float(np.sum(centred**2)) / sensor_variance(sensor, rate)
-    return 0.5 * total / TEMPERATURE
+    return 0.5 * total / context.floor.temperature

@@ -1,6 +1,7 @@
 """Causes that need a run of their own before they can be looked for: rail, drive and frame."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import atan2, pi
 
 import numpy as np
@@ -15,7 +16,6 @@ from escalator_twin.diagnosis.loops import BAND_HZ, band_limited, between
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each, score_groups
 from escalator_twin.diagnosis.search import Search, SIDES, wrapped
-from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 from escalator_twin.physics import run
@@ -189,7 +189,7 @@ def _fast_waves(
     c = search.model.shape[1]
     weight = search.whiten.weight[:, channel : channel + 1]
     mask = search.whiten.mask[:, channel : channel + 1]
-    alone = Whitener(mask, weight)
+    alone = replace(search.whiten, mask=mask, weight=weight)
     left = search.fitted.left().reshape(-1, c)[:, channel]
     gains, sizes = np.zeros(len(grid)), np.zeros((len(grid), 2))
     for start in range(0, len(grid), CHUNK):

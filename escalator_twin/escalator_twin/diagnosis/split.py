@@ -5,7 +5,7 @@ from scipy import fft
 
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.view import NO_PROBES, View
-from escalator_twin.diagnosis.whitening import frequencies, TEMPERATURE
+from escalator_twin.diagnosis.whitening import frequencies
 from escalator_twin.signals import Floats
 
 LINE_ORDERS = 0.03  # cycles per pitch that belong to a multiple of the pitch, on each side
@@ -68,7 +68,7 @@ def split(context: Context, place: Beside) -> dict[str, dict[str, float | None]]
         loaded = (at >= machine.load.from_m) & (at <= machine.load.to_m)
         energy = time[:, k] ** 2
         rows[channel] = {
-            'chi2': TEMPERATURE * float(energy.mean()),
+            'chi2': place.stage.whiten.temperature * float(energy.mean()),
             'pitch_multiples': float(combs[k]),
             'next_loop': loop_correlation(time[:, k], observation.frame.n_loop),
             'other_side': _other_side(place, time, k),

@@ -9,7 +9,7 @@ from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.split import comb_shares, in_time, loop_correlation
 from escalator_twin.diagnosis.view import NO_PROBES, View
-from escalator_twin.diagnosis.whitening import frequencies, TEMPERATURE
+from escalator_twin.diagnosis.whitening import frequencies
 from escalator_twin.signals import Floats
 
 # Of recordings of machines within tolerance (generator, docs/diagnosis.md): mean of the logarithm
@@ -46,7 +46,7 @@ def by_channel(place: Beside) -> Floats:
     """Return chi squared per coefficient of every channel, nuisance taken out, (c,)."""
     c = len(place.stage.observation.channels)
     left = place.fitted.left().astype(np.float64).reshape(-1, c)
-    return np.asarray(TEMPERATURE * np.mean(left**2, axis=0))
+    return np.asarray(place.stage.whiten.temperature * np.mean(left**2, axis=0))
 
 
 def clean_of(floor: Floor) -> tuple[float, float]:

@@ -15,12 +15,6 @@ from escalator_twin.signals import Floats
 Columns = np.ndarray  # float32
 
 
-# The twin's error is not noise of its own in every sample: in machines within tolerance the falls of
-# chi squared that false causes reach exceed those of white noise by this factor (calibrated on
-# generated recordings, docs/diagnosis.md). All variances are multiplied by it, priors are not.
-TEMPERATURE = 8.0
-
-
 @dataclass(frozen=True)
 class Whitener:
     """Turns signals on the grid into numbers of unit variance, one for each frequency.
@@ -31,10 +25,13 @@ class Whitener:
         0 where nothing was measured.
     weight : (f, c) float32
         One over the standard deviation of a cosine coefficient.
+    temperature : float
+        By which the variances behind ``weight`` were multiplied, see `Floor`.
     """
 
     mask: Columns
     weight: Columns
+    temperature: float
 
     def __call__(self, signals: np.ndarray) -> Columns:
         """Return (f c, k) of signals (n, c, k)."""
@@ -79,5 +76,6 @@ def make_whitener(
         own = sensor_variance(sensor, frame.rate_hz)
         weight[:, k] = 1.0 / np.sqrt(floor.variance(sensor, own, orders, frame.speed_m_s, n))
     weight[0] *= [channel in means for channel in observation.channels]
-    weight /= TEMPERATURE**0.5
-    return Whitener(observation.valid.astype(np.float32), weight.astype(np.float32))
+    weight /= floor.temperature**0.5
+    mask = observation.valid.astype(np.float32)
+    return Whitener(mask, weight.astype(np.float32), floor.temperature)

@@ -60,6 +60,7 @@ PLACES: dict[str, tuple[Deviation, float]] = {
     ),
     'link_elongation': (Deviation('link_elongation', {'length_m': 5e-4}, {'link': 0}), 5e-4),
 }  # fmt: skip
+LEAN = 'lean/'  # before a cause's name: the nuisance that the twin's own error is like
 # contracts.md: means of link force, tensioner and acceleration are zeros of instruments
 ZEROS = ('link_force', 'carriage_displacement', 'step_acceleration')
 
@@ -232,6 +233,10 @@ def aligned(
         for name, turned in context.knobs.items()
         if name not in without
     }
+    for cause, sd in context.floor.leans.items():
+        if cause in context.whole:
+            lean = on_grid(context.whole[cause], speed, observation, columns) - base
+            knobs[LEAN + cause] = lean * (sd / WHOLE[cause][1])
     sensors = [machine.instruments.sensor(channel) for channel in observation.channels]
     above, zeros = {}, {}
     for k, sensor in enumerate(sensors):

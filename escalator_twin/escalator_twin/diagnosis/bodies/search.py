@@ -72,7 +72,7 @@ def _whole(context: BodyContext, search: Search) -> Iterator[Proposal]:
     white = search.whiten(np.stack(list(columns.values()), axis=2))
     score = score_each(search.fitted, white)
     for k, name in enumerate(columns):
-        if '/' in name:
+        if '/' in name or name in context.floor.leans:
             continue
         parameter = KNOWN[name].sizes[0].name
         size, gain = float(score.size[k]), float(score.gain[k])
