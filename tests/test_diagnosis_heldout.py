@@ -87,7 +87,7 @@ def stage_of(measured: np.ndarray, base: np.ndarray, shown=None) -> Still:
         columns[:, k, k] = 1e3 * sd
     whiten = make_whitener(observation, MACHINE, Floor({}))
     if shown is not None:
-        whiten = Remembering(whiten.mask, whiten.weight, shown)
+        whiten = Remembering(whiten.mask, whiten.weight, whiten.temperature, shown)
     nuisance = Nuisance(tuple(f'{channel}/zero' for channel in CHANNELS), columns)
     white = make_whitener(observation, MACHINE, Floor({}))(columns)
     return Still(
