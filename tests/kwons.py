@@ -2,7 +2,6 @@
 
 from functools import cache
 from pathlib import Path
-import shutil
 
 import yaml
 
@@ -25,13 +24,11 @@ def simulation(parts=('steps', 'handrail'), name='kwon', machine=None) -> Multib
     return MultibodySimulation(machine, lay_out(machine, machine.default_experiment(), parts))
 
 
-# measured as `make kwon-floor` does, on this small machine
-SMALL_FLOOR = Path(__file__).resolve().parent / 'data' / 'kwon_small_floor.yaml'
 SMALL = {'n_links': 24, 'rise_m': 1.0, 'lower_landing_m': 0.7156}  # the chain closes
 
 
 def write_small(folder: Path) -> Path:
-    """Write the second machine with a metre of rise and no handrail, and its floor; cheap to run."""
+    """Write the second machine with a metre of rise and no handrail; cheap to run."""
     sheet = yaml.safe_load((MACHINES / 'kwon.yaml').read_text(encoding='utf-8'))
     sheet['chain']['n_links'] = SMALL['n_links']
     for key in ('rise_m', 'lower_landing_m'):
@@ -41,7 +38,6 @@ def write_small(folder: Path) -> Path:
         rows = sheet['instruments'][kind]
         sheet['instruments'][kind] = [r for r in rows if not r['quantity'].startswith('handrail')]
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copy(SMALL_FLOOR, folder / 'kwon_floor.yaml')
     path = folder / 'kwon.yaml'
     path.write_text(yaml.safe_dump(sheet, sort_keys=False), encoding='utf-8')
     return path

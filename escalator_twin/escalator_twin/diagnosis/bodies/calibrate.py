@@ -33,15 +33,16 @@ from escalator_twin.diagnosis.floor import (
     write_floor,
 )
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
 from escalator_twin.diagnosis.unexplained import by_channel
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
 from escalator_twin.machine import load_machine, Machine
 from escalator_twin.signals import Floats
 
 PASSES = 3  # each weighs by the floor of the one before
-# A longer chain moves the waves of the gears as treads and joints that yield otherwise do. How far
-# the twin is off by that is measured with a wide prior.
-LEANING = {'chain_elongation': 1e-3}
+# A longer chain moves the waves of the gears as treads and joints that yield otherwise do, and a
+# stiffer carriage does nearly the same. How far the twin is off by that is measured with a wide prior.
+LEANING = {'chain_elongation': 1e-3, 'tensioner_stiffness': 0.3}
 WARMINGS = 6  # until the temperature reproduces itself
 Rows = list[tuple[Level, float]]
 
@@ -113,7 +114,8 @@ def leans_of(contexts: Sequence[BodyContext]) -> dict[str, float]:
     for context in contexts:
         place = aligned(context, context.machine, context.base)
         for cause, wide in LEANING.items():
-            k = place.stage.nuisance.names.index(LEAN + cause)
+            name = LIKE_KNOBS[cause][0] if cause in LIKE_KNOBS else LEAN + cause
+            k = place.stage.nuisance.names.index(name)
             squares[cause].append((wide * float(place.fitted.sizes[k])) ** 2)
     return {cause: float(np.mean(rows)) ** 0.5 for cause, rows in squares.items()}
 

@@ -234,7 +234,10 @@ def aligned(
         if name not in without
     }
     for cause, sd in context.floor.leans.items():
-        if cause in context.whole:
+        knob = LIKE_KNOBS[cause][0] if cause in LIKE_KNOBS else ''
+        if knob in knobs:
+            knobs[knob] = knobs[knob] * max(1.0, sd / machine.tolerances[knob])
+        elif cause in context.whole:
             lean = on_grid(context.whole[cause], speed, observation, columns) - base
             knobs[LEAN + cause] = lean * (sd / WHOLE[cause][1])
     sensors = [machine.instruments.sensor(channel) for channel in observation.channels]

@@ -36,7 +36,7 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     search = Search(view, place.fitted, place.stage, place.model, jobs)
     gauged = [s.name for s in context.machine.instruments.sensors if s.quantity == 'link_force']
     found = [
-        *tolerances(search),
+        *(p for p in tolerances(search) if p.cause not in context.floor.leans),
         *(p for p in gains(search) if p.location.get('link', gauged[:1]) in gauged),
         *_turned(search),
         *_whole(context, search),
