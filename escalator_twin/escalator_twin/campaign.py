@@ -19,8 +19,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.telling import told
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.walk import Found
-from escalator_twin.errors import NotYetError
-from escalator_twin.machine import load_machine, MultibodyMachine
+from escalator_twin.machine import load_machine
 from escalator_twin.signals import Experiment
 
 MOST_CANDIDATES = 40
@@ -91,8 +90,6 @@ def diagnose_together(
         experiments = list(pool.map(experiment_of, paths, [machine_path] * n))
         chosen = choose_scouts(experiments)
         others = [k for k in range(n) if k not in chosen]
-        if others and isinstance(load_machine(machine_path), MultibodyMachine):
-            raise NotYetError(f'diagnose: of such a machine at most {len(chosen)} recordings')
         total = SEARCH_COST * len(chosen) + len(others)
         scouts: list[Diagnosis] = []
         for scout in pool.map(

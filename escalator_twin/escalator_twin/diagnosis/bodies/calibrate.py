@@ -132,12 +132,12 @@ def temperature_of(contexts: Sequence[BodyContext], machine: Machine, floor: Flo
         for context in contexts:
             there = replace(context, floor=at)
             place = aligned(there, machine, there.base)
-            ratios.append(_false_fall(propose(there, place, 1)))
+            ratios.append(false_fall(propose(there, place, 1)))
         heat = max(1.0, heat * float(np.mean(ratios)))
     return heat
 
 
-def _false_fall(proposals: Sequence[Proposal]) -> float:
+def false_fall(proposals: Sequence[Proposal]) -> float:
     """Return the largest fall by a part that no good machine has, over that of white noise.
 
     Of causes at a place, since the good machines have a little of every other one.
