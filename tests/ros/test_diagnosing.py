@@ -10,7 +10,7 @@ from escalator_twin.cli.main import main
 from escalator_twin.machine import load_machine
 
 from .conftest import PROTOTYPE, TOY
-from .programs import program
+from .programs import Program, program
 from .stand_in import diagnose
 from .test_replay import same
 from .test_simulator import Client, SETTLE_S
@@ -156,6 +156,24 @@ def test_failure_is_told_in_one_line_and_the_node_lives(asker, fields, text):
     assert (status, result.success, result.json) == (GoalStatus.STATUS_ABORTED, False, '')
     assert text in result.message
     assert '\n' not in result.message
+
+
+@pytest.mark.usefixtures('nodes')
+@pytest.mark.parametrize(
+    ('seed', 'status', 'text'),
+    [(1, 0, 'tensioner_stiffness: factor 0.5'), (REFUSING, 1, 'the stand-in refuses')],
+)
+def test_ask_prints_what_was_found_or_why_not(tmp_path, seed, status, text):
+    target = tmp_path / 'found.json'
+    # what follows the second mark is not ROS's
+    words = ['--', '--seed', str(seed), '--json', str(target)]
+    asked = Program('ask', tmp_path / 'ask.log', {}, words)
+    assert asked.wait() == status
+    assert text in asked.text
+    assert 'Traceback' not in asked.text
+    assert target.exists() == (status == 0)
+    if status == 0:
+        assert json.loads(target.read_text())['schema'] == 'escalator_twin/diagnosis/1'
 
 
 @pytest.mark.usefixtures('nodes')

@@ -98,14 +98,14 @@ def hold_out(
         The same comparison with the nuisance that the gain is judged beside; that of ``after``
         where it is not given.
     """
-    stage = after.stage
+    stage = _without_own(after.stage, effects)
     bare = replace(stage, machine=context.machine)
     base = bare.run()
     plain = base if turned is None else replace(bare, turned=dict(turned)).run()
     change = after.model - base
     for effect in effects:
         if not of_machine(effect):
-            change = change + measured_change(stage, after, effect)
+            change = change + measured_change(after.stage, after, effect)
     folds, split = folds_of(stage, () if sizes_known else effects)
     if not folds:
         return HeldOut(split, 0, None)
@@ -115,6 +115,21 @@ def hold_out(
     return _scores(
         bare, seen, split, seed, np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     )
+
+
+def _without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
+    """Return the stage without the tolerances that effects of the machine stand for.
+
+    Left in, such a tolerance would take an effect's place on both sides of the comparison: its prior
+    hardly resists. A machine within tolerance has it where the tuning left it, within its bounds.
+    """
+    own = {e.nuisance for e in effects if of_machine(e)}
+    keep = [k for k, name in enumerate(stage.nuisance.names) if name not in own]
+    if len(keep) == len(stage.nuisance.names):
+        return stage
+    names = tuple(stage.nuisance.names[k] for k in keep)
+    nuisance = replace(stage.nuisance, names=names, columns=stage.nuisance.columns[:, :, keep])
+    return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
 
 
 def measured_change(stage: Stage, after: Beside, effect: Proposal) -> Floats:

@@ -29,8 +29,9 @@ Free = Callable[[Beside], Beside]
 
 STEPS = 3
 ANEW = 1  # times that the tolerances' effect is taken anew on the way
-SHARES = (1.0, 0.4)
-SETTLED = 0.01  # of chi squared: a step that gains less ends the fit
+SHARES = (1.0, 0.4, 0.15)
+STRETCH, FARTHEST = 2.5, 7.0  # of a step that explains more
+SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def polish(
             break
         gained = judged(place, effects) - judged(trial[0], effects)
         place, effects = trial
-        if gained < SETTLED * judged(place, effects):
+        if gained < SETTLED:
             break
         away = [abs(z - tangent.get(k, 0.0)) for k, z in place.stage.turned.items()]
         if left and max(away, default=0.0) > FAR_TURNED:
@@ -191,8 +192,8 @@ class _Fit:
         sizes = np.zeros(len(stage.nuisance.names))
         sizes[kept] = rest.sizes
         names = {knob.name for knob in stage.knobs} - {e.nuisance for e in effects}
-        before = judged(place, effects)
-        for share in SHARES:
+
+        def tried(share: float) -> tuple[Beside, tuple[Proposal, ...]]:
             trial = tuple(_moved(effects, share * delta, stage.machine_length))
             turned = {
                 name: float(np.clip(offset + share * size, -LARGEST, LARGEST))
@@ -201,10 +202,23 @@ class _Fit:
                 )
                 if name in names
             }
-            after = self.beside(trial, turned)
-            if judged(after, effects) < before:
-                return after, trial
-        return None
+            return self.beside(trial, turned), trial
+
+        best, value = None, judged(place, effects)
+        for share in SHARES:
+            again = tried(share)
+            if judged(again[0], effects) < value:
+                best, value = again, judged(again[0], effects)
+                break
+        # fine patterns that a change shifts make its column larger than what it explains: on and on
+        share = STRETCH
+        while best is not None and share <= FARTHEST:
+            again = tried(share)
+            if judged(again[0], effects) >= value:
+                break
+            best, value = again, judged(again[0], effects)
+            share *= STRETCH
+        return best
 
 
 def _free(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]]:
