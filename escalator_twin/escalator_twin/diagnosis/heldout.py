@@ -74,7 +74,6 @@ def hold_out(
     seed: int = 0,
     turned: Mapping[str, float] | None = None,
     sizes_known: bool = False,
-    judged: Stage | None = None,
 ) -> HeldOut:
     """Fit on a part of a recording, compare on the rest.
 
@@ -94,9 +93,6 @@ def hold_out(
         the effects gain is counted from there.
     sizes_known : bool
         The sizes come from other recordings: nothing of the effects is fitted to this one.
-    judged : Stage, optional
-        The same comparison with the nuisance that the gain is judged beside; that of ``after``
-        where it is not given.
     """
     stage = _without_own(after.stage, effects)
     bare = replace(stage, machine=context.machine)
@@ -110,8 +106,7 @@ def hold_out(
     if not folds:
         return HeldOut(split, 0, None)
     shaking = any(effect.cause in SHAKING for effect in effects)
-    rest = bare if judged is None else replace(judged, machine=context.machine)
-    seen = _seen(rest, plain, base, change, folds, sizes_known)
+    seen = _seen(bare, plain, base, change, folds, sizes_known)
     return _scores(
         bare, seen, split, seed, np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     )
