@@ -102,7 +102,9 @@ def hold_out(
     for effect in effects:
         if not of_machine(effect):
             change = change + measured_change(after.stage, after, effect)
-    folds, split = folds_of(stage, () if sizes_known else effects)
+    # a gauge's fault is bound to no place: it is there all the time
+    bound = [] if sizes_known else [e for e in effects if of_machine(e)]
+    folds, split = folds_of(stage, bound)
     if not folds:
         return HeldOut(split, 0, None)
     shaking = any(effect.cause in SHAKING for effect in effects)

@@ -19,26 +19,30 @@ COMMON_SCALE = 0.02  # of all forces alike, one standard deviation
 CURVATURES = (0.0, 1.0, 2.0, 4.0, 8.0)  # of a gauge's creep
 
 
-def _with_common_scale(search: Search) -> Fitted:
-    """Return the fit with one more freedom: all forces a little larger or smaller alike.
+def _with_common_scales(search: Search) -> Fitted:
+    """Return the fit with more freedom: forces larger or smaller alike, all or a link's two sides.
 
     That is no gauge's gain but the machine's, whatever does it.
     """
     fitted, model = search.fitted, search.model
-    channels = search.view.observation.channels
-    quantities = [search.machine.instruments.sensor(c).quantity for c in channels]
-    forces = np.array([quantity == 'link_force' for quantity in quantities])
-    if not forces.any():
+    sensors = [search.machine.instruments.sensor(c) for c in search.view.observation.channels]
+    links = [s.at.get('link') if s.quantity == 'link_force' else None for s in sensors]
+    forces = np.array([s.quantity == 'link_force' for s in sensors])
+    known = dict.fromkeys(link for link in links if link is not None)
+    groups = [forces, *(np.array([own == link for own in links]) for link in known)]
+    groups = [group for group in groups if group.sum() > 1]
+    if not groups:
         return fitted
-    column = COMMON_SCALE * (model - model.mean(axis=0)) * forces
-    columns = np.concatenate([fitted.columns, search.whiten(column[:, :, None])], axis=1)
-    return fit(fitted.white, columns, np.append(fitted.offset, 0.0))
+    swing = COMMON_SCALE * (model - model.mean(axis=0))
+    scales = np.stack([swing * group for group in groups], axis=2)
+    columns = np.concatenate([fitted.columns, search.whiten(scales)], axis=1)
+    return fit(fitted.white, columns, np.append(fitted.offset, np.zeros(len(groups))))
 
 
 def gains(search: Search) -> Iterator[Proposal]:
     """Propose a gauge's gain and its creep, and the accelerometer's rotation."""
     machine, names = search.machine, search.names
-    beside = _with_common_scale(search)
+    beside = _with_common_scales(search)
     part = np.linspace(0.0, 1.0, len(search.model))
     for k, channel in enumerate(search.view.observation.channels):
         sensor = machine.instruments.sensor(channel)

@@ -18,6 +18,7 @@ CLEAN_LOG, CLEAN_SD = -0.15, 0.22
 SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
+LEAST_SHARE = 0.05  # of the excess, from which a channel is told
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
 
 
@@ -119,7 +120,7 @@ def signature_of(context: Context, place: Beside, chi2: Floats, floor: float) ->
             for name, value in zip(
                 observation.channels, excess / max(excess.sum(), 1e-30), strict=True
             )
-            if value > 0.05 * excess.sum()
+            if value > LEAST_SHARE
         },
         'locked_to': locked or ['unknown'],
         'frequencies_hz': [round(p, 3) for p in peaks],

@@ -27,6 +27,8 @@ ACCEPT = 0.5  # probability from which an effect is accepted and taken out befor
 # through the same part.
 SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
+# What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
+ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
 KIN = (
     frozenset({
@@ -204,6 +206,8 @@ def _may_stand(proposal: Proposal, found: Sequence[Found]) -> bool:
 
 def is_left_over(cause: str, gain: float, found: Sequence[Found]) -> bool:
     """Tell whether a further effect is no more than what an accepted law leaves."""
+    if cause in ONE_GAUGE:
+        return False
     for earlier in found:
         kin = any({cause, earlier.proposal.cause} <= group for group in KIN)
         share = SHARE_OF_KIN if kin or cause == earlier.proposal.cause else SHARE_OF_FIRST
