@@ -45,6 +45,18 @@ def test_it_loads_with_the_accepted_deviations_and_nothing_else(written):
     assert machine.instruments == plain.instruments
 
 
+def test_numbers_of_numpy_are_written_as_numbers(tmp_path):
+    path = tmp_path / 'extended.yaml'
+    accepted = [
+        {'cause': 'load_distribution', 'location': {'steps': [np.int64(3), np.int64(4)]},
+         'parameters': {'load_factor': np.float64(0.25)}},
+    ]  # fmt: skip
+    told = [{'value': np.float64(0.25), 'of': (np.int64(3),)}]
+    write_extension(path, extension(trials.prototype(), tmp_path, [], told, accepted, seed=5))
+    (deviation,) = load_machine(path).deviations
+    assert deviation == Deviation('load_distribution', {'load_factor': 0.25}, {'steps': [3, 4]})
+
+
 def test_it_runs_as_the_machine_with_these_deviations(written):
     known = trials.trial(
         (trials.deviation('roller_drag', {'axle': 7, 'side': 'left'}, force_N=120.0),

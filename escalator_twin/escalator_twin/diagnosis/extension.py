@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from escalator_twin import __version__
@@ -66,8 +67,19 @@ def extension(
     }
 
 
+def plain(value: Any) -> Any:
+    """Return a value with Python's own numbers, lists and dictionaries alone."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
 def write_extension(path: Path, description: Mapping[str, Any]) -> None:
     """Write an extended machine's description."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = yaml.safe_dump(dict(description), sort_keys=False, allow_unicode=True, width=100)
+    text = yaml.safe_dump(plain(description), sort_keys=False, allow_unicode=True, width=100)
     path.write_text(text, encoding='utf-8')

@@ -72,7 +72,7 @@ def told(found: Found, probability: float) -> dict[str, Any]:
             continue
         if (proposal.cause, parameter.name) in SHAPES:
             continue
-        value = proposal.parameters[parameter.name]
+        value = float(proposal.parameters[parameter.name])
         half = NORMAL_95 * _spread(found, parameter.name, value)
         parameters[parameter.name] = {
             'value': value,
