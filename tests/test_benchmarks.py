@@ -1,5 +1,7 @@
 """The bars on speed and memory, by processor time: other programs then disturb them least.
 
+Not in ``make test``: a machine that does other things shares caches and clocks as well.
+
 Wall time is what ``make bench`` prints. Two workers are as quick as half of their processor time
 where nothing else runs.
 """
@@ -16,6 +18,7 @@ pytestmark = pytest.mark.slow
 CORES = 2
 
 
+@pytest.mark.long
 @pytest.mark.issue(3)
 @pytest.mark.parametrize(('planar', 'bar'), [(False, 40.0), (True, 100.0)])
 def test_simulation_is_faster_than_real_time(planar, bar):
@@ -24,6 +27,7 @@ def test_simulation_is_faster_than_real_time(planar, bar):
     assert result['by_processor_time'] >= bar
 
 
+@pytest.mark.long
 @pytest.mark.issue(3)
 @pytest.mark.parametrize('planar', [False, True])
 def test_the_cost_of_a_link_does_not_grow_with_their_number(planar):
@@ -34,6 +38,7 @@ def test_the_cost_of_a_link_does_not_grow_with_their_number(planar):
     assert result['rows'][-1]['by_processor_time'] > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.issue(3)
 def test_the_experiment_plan_takes_less_than_a_minute():
     result = alone(simulation.plan)
@@ -41,6 +46,7 @@ def test_the_experiment_plan_takes_less_than_a_minute():
     assert result['processor_seconds'] / CORES < 60.0
 
 
+@pytest.mark.long
 @pytest.mark.issue(3)
 @pytest.mark.skipif(
     importlib.util.find_spec('exudyn') is None, reason='exudyn is not there: make bench-deps'
@@ -63,6 +69,7 @@ def test_a_longer_machine_closes_like_the_short_one():
         assert spare == pytest.approx(0.1057, abs=0.002)
 
 
+@pytest.mark.long
 @pytest.mark.issue(5)
 def test_all_metrics_of_twenty_long_channels_are_quick_and_small():
     result = alone(comparison.metrics)

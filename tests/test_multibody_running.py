@@ -126,12 +126,14 @@ def real_time_factor(simulation, sensors):
     return best
 
 
+@pytest.mark.long
 def test_the_whole_model_is_faster_than_real_time():
     simulation, _ = running()
     instruments = simulation.machine.instruments
     assert real_time_factor(simulation, instruments.sensors + instruments.simulated_only) > 1.0
 
 
+@pytest.mark.long
 def test_the_step_part_alone_is_five_times_as_fast():
     simulation = kwons.simulation(('steps',))
     simulation.rest(3.0)
@@ -184,6 +186,7 @@ def body_cost(name):
     return best / simulation.counts.bodies
 
 
+@pytest.mark.long
 def test_cost_per_body_does_not_grow_with_the_machine():
     small = body_cost('kwon')
     for name in ('kwon_30m', 'kwon_walk'):
