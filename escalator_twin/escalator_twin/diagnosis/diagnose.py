@@ -20,7 +20,7 @@ from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
 from escalator_twin.diagnosis.unexplained import look, Unexplained
-from escalator_twin.diagnosis.walk import Bench, Found, LINKED, walk, Walked
+from escalator_twin.diagnosis.walk import Bench, Found, LINKED, ONE_GAUGE, walk, Walked
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine
 from escalator_twin.physics.rollout import Trace
@@ -28,6 +28,8 @@ from escalator_twin.signals import Recording
 
 ENOUGH = 0.5  # of the energy above the floor that the effects must account for to be named
 NAMED = 0.5  # probability from which an effect is told as accepted
+SMALL = 0.1  # of the largest effect's fall of chi squared
+DOUBT = 0.45  # of the probability of such a one, where much stays unexplained
 REFUSED = 0.3  # of the probability, where nothing is gained held out or a channel becomes worse
 Progress = Callable[[float, float], None]
 STAGES = 10.0
@@ -176,4 +178,11 @@ def settle(
         factor *= REFUSED
     if held.channels is None:
         factor *= 0.95  # no second look
-    return [(found, found.probability * factor) for found in walked.found], held
+    largest = max(found.gain for found in walked.found)
+    named = []
+    for found in walked.found:
+        small = found.gain < SMALL * largest and found.proposal.cause not in ONE_GAUGE
+        # beside a remainder that nothing explains, a small further effect may be a part of it
+        doubt = DOUBT if small and rest.significant else 1.0
+        named.append((found, found.probability * factor * doubt))
+    return named, held
