@@ -1,5 +1,7 @@
 """``python -m escalator_twin.verification [PART...] [--plots FOLDER]``: docs/verification.md again.
 
+``--recordings BAG...`` names recordings of good machines by another program, for the part of that name.
+
 Prints every figure beside its bar, ``+`` where it holds and ``!`` where it does not; the exit
 status is 1 where one does not.
 """
@@ -32,6 +34,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog='python -m escalator_twin.verification')
     parser.add_argument('part', nargs='*', help=', '.join(WITH_RECORDINGS))
     parser.add_argument('--plots', type=Path, metavar='FOLDER', help='write the plots there')
+    parser.add_argument(
+        '--recordings', nargs='+', type=Path, default=[], metavar='BAG', help='of good machines'
+    )
     arguments = parser.parse_args()
     unknown = [name for name in arguments.part if name not in WITH_RECORDINGS]
     if unknown:
@@ -43,7 +48,8 @@ def main() -> int:
         if arguments.plots is not None:
             write_plots(part.plots(machine) if hasattr(part, 'plots') else {}, arguments.plots)
             continue
-        missed += print_figures(part.figures(machine))
+        given = [arguments.recordings] if name == 'recordings' else []
+        missed += print_figures(part.figures(machine, *given))
     return int(missed > 0)
 
 

@@ -5,6 +5,7 @@ from machines drawn within tolerance. The twin runs as the data sheet has it; no
 but clocks, travel, and the accelerometer's bias and rotation.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +18,13 @@ from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Floats
 from escalator_twin.twin import make_simulation, run_twin
 from escalator_twin.verification.figure import Figure
-from escalator_twin.verification.trial import machines_folder
 
-NAMES = ('clean_1', 'clean_2')
 BANDS_HZ = ((0.0, 2.0), (2.0, 6.0), (6.0, 20.0))
 # least correlation of the lowest band, by quantity
 LEAST = {'link_force': 0.995, 'carriage_displacement': 0.995}
 LEAST_AXIS = {'x': 0.995, 'z': 0.995}
 EDGE_S = 2.0
 FILTER_ORDER = 4
-
-
-def folder() -> Path:
-    """Return where the recordings lie when they were handed over with the checkout."""
-    return machines_folder().resolve().parents[1].parent / 'shared' / 'measured' / 'seeded'
 
 
 def aligned(machine: Machine, path: Path) -> dict[str, Aligned]:
@@ -79,16 +73,13 @@ def noise_alone(sensor: Sensor, one: Aligned, low_hz: float, high_hz: float) -> 
     return float(np.sqrt(max(1.0 - noise / band.var(), 0.0)))
 
 
-def figures(machine: Machine) -> list[Figure]:
-    """Return the figures of this page; none where the recordings are not at hand.
+def figures(machine: Machine, paths: Sequence[Path] = ()) -> list[Figure]:
+    """Return the figures of this page for recordings of good machines; none without any.
 
     Of channels of one quantity and direction, the one that agrees least.
     """
     found = []
-    for name in NAMES:
-        path = folder() / name
-        if not path.exists():
-            continue
+    for path in paths:
         pairs = aligned(machine, path)
         for group, channels in _groups(machine).items():
             for low, high in BANDS_HZ:
@@ -97,7 +88,7 @@ def figures(machine: Machine) -> list[Figure]:
                 sensor = machine.instruments.sensor(channel)
                 ceiling = noise_alone(sensor, pairs[channel], low, high)
                 least = LEAST.get(sensor.quantity, LEAST_AXIS.get(str(sensor.at.get('axis'))))
-                subject = f'another program: {name}'
+                subject = f'another program: {path.name}'
                 label = f'{group}, {low:g} to {high:g} Hz'
                 bar = least if low == 0.0 else None
                 found += [
