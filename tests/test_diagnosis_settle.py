@@ -1,0 +1,68 @@
+"""Which accepted effects are named: by what stays open, and by what they gain held out."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from escalator_twin.diagnosis import diagnose
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.walk import Found, is_left_over
+
+pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
+
+
+def found(cause, gain):
+    return Found(Proposal(cause, {}, {}, 0.0), 0.96, {}, gain, ())
+
+
+FRICTION, BOUNCE, GAUGE = (
+    found('tensioner_friction', 12_000.0), found('truss_resonance', 575.0),
+    found('gauge_gain', 310.0),
+)  # fmt: skip
+GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True}
+
+
+@pytest.fixture
+def named(monkeypatch):
+    """Return what is named of three effects."""
+
+    def settle(significant=False, explained=1.0, held=None):
+        monkeypatch.setattr(
+            diagnose, 'hold_out', lambda *_: SimpleNamespace(**{**GAINED, **(held or {})})
+        )
+        walked = SimpleNamespace(
+            found=(FRICTION, BOUNCE, GAUGE), after=None,
+            before=SimpleNamespace(stage=SimpleNamespace(turned={})),
+        )  # fmt: skip
+        rest = SimpleNamespace(significant=significant, explained=explained)
+        rows, _ = diagnose.settle(None, walked, rest, 0)
+        return {f.proposal.cause for f, p in rows if p >= diagnose.NAMED}
+
+    return settle
+
+
+def test_what_explains_and_gains_is_named(named):
+    assert named() == {'tensioner_friction', 'truss_resonance', 'gauge_gain'}
+
+
+def test_a_small_further_effect_is_doubted_beside_a_remainder(named):
+    # one gauge alone is nothing that another law leaves
+    assert named(significant=True, explained=0.9) == {'tensioner_friction', 'gauge_gain'}
+
+
+@pytest.mark.parametrize('held', [{'significant': False}, {'worse': ('a/b',)}])
+def test_without_gain_or_with_a_worse_channel_nothing_is_named(named, held):
+    assert named(held=held) == set()
+
+
+def test_a_remainder_that_nothing_explains_takes_all_names(named):
+    assert named(significant=True, explained=0.2) == set()
+
+
+def test_a_leftover_is_small_beside_its_kin_and_a_gauge_is_never_one():
+    known = [FRICTION]
+    assert is_left_over('tensioner_preload', 3_000.0, known)
+    assert not is_left_over('tensioner_preload', 4_000.0, known)
+    assert is_left_over('roller_drag', 100.0, known)
+    assert not is_left_over('roller_drag', 200.0, known)
+    assert not is_left_over('gauge_gain', 50.0, known)
