@@ -36,6 +36,12 @@ WORTH_A_ROUND = 0.05  # of chi squared: a round that gains less is the last one
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
 
 
+LOCAL = frozenset({
+    'link_elongation', 'link_stiffness', 'roller_drag', 'roller_eccentricity', 'roller_flat',
+    'load_distribution', 'step_mass', 'drive_ripple', 'drive_hunting',
+})  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Context:
     """A recording's place, the responses of its experiment, and the twin's floor.
@@ -257,9 +263,11 @@ def with_own_tolerances(
 ) -> Context:
     """Return the context whose tolerances act as in the machine with deviations.
 
+    A deviation of one link, axle or step, or a wave of the drive, changes next to nothing of that and
+    is left out: the rest is the same machine after every pitch, and quickly run.
     ``turned`` holds the tolerances that it has used up, standard deviations.
     """
-    machine = apply(context.machine, deviations)
+    machine = apply(context.machine, tuple(d for d in deviations if d.cause not in LOCAL))
     experiment = context.setting.experiment
     turned_machine, setting = turn_all(
         machine, experiment, knobs_of(machine, experiment), turned or {}

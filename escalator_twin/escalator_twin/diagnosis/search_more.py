@@ -12,13 +12,14 @@ from escalator_twin.causes.application import apply
 from escalator_twin.causes.guide_step import LENGTH_M
 from escalator_twin.comparison.locate import RATE_HZ
 from escalator_twin.diagnosis.knobs import turn_all
-from escalator_twin.diagnosis.loops import BAND_HZ, band_limited, between
+from escalator_twin.diagnosis.loops import BAND_HZ, band_limited
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each, score_groups
 from escalator_twin.diagnosis.search import Search, SIDES, wrapped
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 from escalator_twin.physics import run
+from escalator_twin.physics.periodic import between
 from escalator_twin.signals import Floats
 from escalator_twin.twin import make_simulation
 

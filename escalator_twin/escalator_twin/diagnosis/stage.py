@@ -15,7 +15,8 @@ from escalator_twin.diagnosis.regression import fit, Fitted
 from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics.path import build_path
-from escalator_twin.physics.rollout import Trace
+from escalator_twin.physics.periodic import run_periodic
+from escalator_twin.physics.rollout import Simulation, Trace
 from escalator_twin.signals import Experiment, Floats
 from escalator_twin.twin import make_simulation, run_twin
 
@@ -153,6 +154,11 @@ def run_beside(machine: Machine, experiment: Experiment, setting: Setting) -> Tr
     """Run a machine as a recording ran."""
     simulation = make_simulation(machine, experiment)
     sensors = machine.instruments.sensors
+    assert isinstance(simulation, Simulation)
+    trace = run_periodic(simulation, sensors, setting.start_s_m, setting.duration_s, RATE_HZ)
+    if trace is not None:
+        return trace
+    simulation = make_simulation(machine, experiment)
     return run_twin(simulation, sensors, setting.start_s_m, setting.duration_s, RATE_HZ)
 
 

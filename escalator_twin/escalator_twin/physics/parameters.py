@@ -1,5 +1,6 @@
 """Numbers of one machine in one experiment, as the compiled law reads them."""
 
+from functools import lru_cache
 from math import pi
 from pathlib import Path
 from typing import NamedTuple
@@ -164,10 +165,19 @@ def _survey(machine: Machine, length_m: float) -> tuple[Floats, Floats]:
     name = machine.guide.survey_file
     if name is None:
         return np.zeros((4, 2)), np.zeros((4, 2))
-    folder = machine.source.parent if machine.source else Path()
-    s, normal, lateral = read_survey(folder / name)
-    error = machine.guide.survey_error_m
-    return (
-        periodic_table(s, normal, length_m, error),
-        periodic_table(s, lateral, length_m, error),
+    file = (machine.source.parent if machine.source else Path()) / name
+    written = file.stat().st_mtime_ns if file.exists() else 0
+    return _tables(file, written, length_m, machine.guide.survey_error_m)
+
+
+@lru_cache(maxsize=8)
+def _tables(file: Path, _: int, length_m: float, error_m: float) -> tuple[Floats, Floats]:
+    """Return the tables of a survey file as it was written at some time."""
+    s, normal, lateral = read_survey(file)
+    tables = (
+        periodic_table(s, normal, length_m, error_m),
+        periodic_table(s, lateral, length_m, error_m),
     )
+    for table in tables:
+        table.setflags(write=False)
+    return tables

@@ -73,7 +73,7 @@ def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, si
 def width_of(probes: NDArray[np.int64], n_links: int) -> int:
     """Return how many columns a record with these probes has."""
     is_all = len(probes) == 1 and probes[0, 0] == EVERYTHING
-    return 3 + 5 * n_links if is_all else len(probes)
+    return 3 + 6 * n_links if is_all else len(probes)
 
 
 @compiled
@@ -81,17 +81,18 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
     """Write place of axle 0, rack's travel, carriage, all links and the steps' accelerations.
 
     In this order: place, travel, carriage, tensions of the left links, of the right, accelerations along
-    x of all steps, along y, along z.
+    x of all steps, along y, along z, places of all axles.
     """
     out, base = state.acceleration, len(state.reaction)
     m, n = state.s.shape
     stride = 1 + 2 * m
     share = 1.0 if m == 2 else 0.5
-    s, other, half = state.s[0, 0], state.s[m - 1, 0], 0.5 * p.length_m
-    row[0] = (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
+    half = 0.5 * p.length_m
     row[1] = state.rack[TRAVEL]
     row[2] = q[0]
     for i in range(n):
+        s, other = state.s[0, i], state.s[m - 1, i]
+        row[3 + 5 * n + i] = (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
         k = i + 1 if i + 1 < n else 0
         a, b = base + i * stride, base + k * stride
         row[3 + i] = share * state.tension[0, i]
@@ -106,6 +107,7 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
         row[3 + 2 * n + i] = (ax * ex + az * ez) / length
         row[3 + 3 * n + i] = 0.5 * (out[a] + out[b])
         row[3 + 4 * n + i] = (az * ex - ax * ez) / length
+    row[0] = row[3 + 5 * n]
 
 
 @compiled

@@ -11,9 +11,10 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import MARGIN_M, RATE_HZ
 from escalator_twin.diagnosis.bodies.running import part_of, run_part, STEPS
-from escalator_twin.diagnosis.loops import band_limited, between, Frame
+from escalator_twin.diagnosis.loops import band_limited, Frame
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.machine import Deviation, Machine, Sensor
+from escalator_twin.physics.periodic import between
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Experiment
 from escalator_twin.sync.template import make_template, Template
