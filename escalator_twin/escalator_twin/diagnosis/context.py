@@ -18,6 +18,7 @@ from escalator_twin.diagnosis.responses import (
     find_knobs,
     find_responses,
     Progress,
+    RAIL,
     Responses,
     tolerances_only,
 )
@@ -274,7 +275,8 @@ def with_own_tolerances(
     )
     speed = context.responses.frame.speed_m_s
     knobs = find_knobs(turned_machine, setting, speed, jobs, context.weak)
-    knobs = {**context.responses.knobs, **knobs}
+    kept = {k: v for k, v in context.responses.knobs.items() if not k.startswith(RAIL)}
+    knobs = {**kept, **knobs}
     return replace(context, responses=replace(context.responses, knobs=knobs))
 
 

@@ -114,6 +114,7 @@ def simulate_loop(
     probes: np.ndarray,
     deviations: tuple[Deviation, ...] = (),
     rack_m: float | None = None,
+    rail: Floats | None = None,
 ) -> Loop:
     """Simulate one loop from path coordinate 0 and put it onto the grid.
 
@@ -129,17 +130,25 @@ def simulate_loop(
     rack_m : float, optional
         Of the loop that this one is to be compared with: travel is counted so that the rack's
         dogs stand alike.
+    rail : (n, 2) float64, optional
+        What the guide has beyond its survey: m and its slope, see `Simulation.lay`.
     """
     machine = replace(machine, deviations=(*machine.deviations, *deviations))
-    simulation = make_simulation(machine, experiment)
-    assert isinstance(simulation, Simulation)
+
+    def built() -> Simulation:
+        simulation = make_simulation(machine, experiment)
+        assert isinstance(simulation, Simulation)
+        if rail is not None:
+            simulation.lay(rail)
+        return simulation
+
+    simulation = built()
     length = simulation.path.length_m
     if is_uniform(simulation.parameters):
         pitch = record_pitch(simulation, RATE_HZ, MARGIN_S)
         if pitch is not None:
             return _tiled(pitch, frame, probes, simulation.parameters.dog_spacing, rack_m)
-        simulation = make_simulation(machine, experiment)
-        assert isinstance(simulation, Simulation)
+        simulation = built()
     speed = simulation.chain_speed_m_s
     simulation.start((-speed * MARGIN_S) % length)
     is_all = bool(probes[0, 0] == run.EVERYTHING)

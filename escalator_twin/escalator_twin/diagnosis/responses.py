@@ -11,6 +11,7 @@ import numpy as np
 from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of
 from escalator_twin.diagnosis.loops import all_probes, Frame, Loop, sensor_probes, simulate_loop
+from escalator_twin.diagnosis.rails import rail_columns
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics import run
 from escalator_twin.signals import Experiment
@@ -18,6 +19,7 @@ from escalator_twin.signals import Experiment
 Columns = np.ndarray  # float32
 Progress = Callable[[float, float], None]
 
+RAIL = 'rail/'  # before the number of a direction of `rail_columns`, beside the tolerances' names
 KNOB_STEP = 2.0  # standard deviations: far above what rattling rollers make of any change
 FLAT_PHASES = 12
 STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
@@ -235,7 +237,7 @@ def find_knobs(
     jobs: int = 1,
     left_out: Container[str] = (),
 ) -> dict[str, Columns]:
-    """Simulate one loop for every tolerance of a machine with its deviations.
+    """Simulate one loop for every tolerance of a machine with its deviations, and for its rail.
 
     A deviation that moves a resonance changes what the tolerances do.
     """
@@ -257,7 +259,11 @@ def find_knobs(
 
     knobs = [knob for knob in knobs_of(machine, experiment) if knob.name not in left_out]
     found = _run({knob.name: task(knob) for knob in knobs}, jobs, None)
-    return {knob.name: found[knob.name] for knob in knobs}
+    rails = rail_columns(machine, experiment, frame, jobs)
+    return {
+        **{knob.name: found[knob.name] for knob in knobs},
+        **{f'{RAIL}{k}': rails[:, :, k] for k in range(rails.shape[2])},
+    }
 
 
 def find_flats(

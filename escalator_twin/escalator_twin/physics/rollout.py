@@ -174,6 +174,15 @@ class Simulation:
         self.state.rack[TIME] = 0.0
         self.data.time = 0.0
 
+    def lay(self, rail: Floats) -> None:
+        """Add a deviation to the guide's normal one: (n, 2), m and its slope, on the same grid."""
+        survey = self._given.survey
+        if survey.shape[1:] != rail.shape:
+            raise ExperimentError(
+                f'rail: expected {survey.shape[1]} points of value and slope, found {rail.shape}'
+            )
+        self.parameters = self._given = self._given._replace(survey=survey + rail)
+
     def _shift_phases(self, travel_m: float, time_s: float) -> None:
         """Make the phases given for a travel and a time of 0 hold at these instead."""
         p = self.parameters

@@ -83,16 +83,37 @@ def without_error(values: Floats, error_m: float) -> Floats:
     """
     n = len(values)
     waves = np.fft.rfft(values - values.mean())
+    level, slope = spectrum_of(values, error_m)
+    rail = np.exp(level - slope * np.log(np.arange(1, len(waves))))
+    waves[1:] *= rail / (rail + error_m**2)
+    return np.fft.irfft(waves, n) + values.mean()
+
+
+def spectrum_of(values: Floats, error_m: float) -> tuple[float, float]:
+    """Return the power law of a surveyed rail, its white error apart.
+
+    Parameters
+    ----------
+    values : (n,) float64
+        Evenly spaced round the loop, m.
+    error_m : float
+        One standard deviation of a point's error, m.
+
+    Returns
+    -------
+    level, slope : float
+        Power (|coefficient|^2 / n of the discrete transform, m^2) of wave number k round the loop
+        is exp(level - slope log k).
+    """
+    waves = np.fft.rfft(values - values.mean())
     number = np.arange(1, len(waves))
-    power = np.abs(waves[1:]) ** 2 / n
+    power = np.abs(waves[1:]) ** 2 / len(values)
     noise = error_m**2
 
     def cost(law: Floats) -> float:
         total = np.exp(law[0] - law[1] * np.log(number)) + noise
         return float(np.sum(np.log(total) + power / total))
 
-    start = [np.log(max(float(power[:3].mean()), noise)), 2.0]
+    start = [np.log(max(float(power[:3].mean()), noise, 1e-18)), 2.0]
     fitted = minimize(cost, start, method='Nelder-Mead')
-    rail = np.exp(fitted.x[0] - fitted.x[1] * np.log(number))
-    waves[1:] *= rail / (rail + noise)
-    return np.fft.irfft(waves, n) + values.mean()
+    return float(fitted.x[0]), float(fitted.x[1])
