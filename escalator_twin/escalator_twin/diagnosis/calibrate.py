@@ -8,12 +8,17 @@ truth is not read.
 
 import argparse
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chi2
 
 from escalator_twin import bagfile
-from escalator_twin.diagnosis.context import Context, prepare_tolerances, tuned
+from escalator_twin.diagnosis.context import Context, prepare, prepare_tolerances, tuned
 from escalator_twin.diagnosis.floor import (
     Floor,
     kind_of,
@@ -23,6 +28,9 @@ from escalator_twin.diagnosis.floor import (
     measure_level,
     write_floor,
 )
+from escalator_twin.diagnosis.responses import ALL_PLACES
+from escalator_twin.diagnosis.unexplained import by_channel
+from escalator_twin.diagnosis.walk import propose
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
 from escalator_twin.machine import load_machine, Machine
 
@@ -31,7 +39,7 @@ SPEEDS_M_S = (0.25, 0.5)  # of the levels: those of the experiment plan
 
 def measure(context: Context) -> tuple[float, dict[str, Level]]:
     """Return the speed and the levels by channel of one recording."""
-    context, place = tuned(context, jobs=2)
+    context, place = tuned(context)
     stage, observation = place.stage, place.stage.observation
     left = stage.residual(place.model)
     left = left - np.tensordot(stage.nuisance.columns, place.fitted.sizes, 1)
@@ -51,25 +59,73 @@ def measure(context: Context) -> tuple[float, dict[str, Level]]:
     return observation.frame.speed_m_s, levels
 
 
-def calibrate(paths: Sequence[str], machine: Machine) -> Floor:
+def levels_of(path: str, machine: Machine) -> tuple[float, dict[str, Level]]:
+    """Return the speed and the levels by channel of a recording, by the floor as it is."""
+    recording = bagfile.read(path, machine)
+    return measure(prepare_tolerances(recording, machine, load_floor(machine)))
+
+
+@dataclass(frozen=True)
+class Good:
+    """What a good machine looks like beside the floor.
+
+    Attributes
+    ----------
+    fall : float
+        Largest fall of chi squared by a part that no good machine has, over that of white noise.
+    chi2 : mapping of channel to float
+        Chi squared per coefficient.
+    """
+
+    fall: float
+    chi2: dict[str, float]
+
+
+def beside_floor(path: str, machine: Machine, floor: Floor) -> Good:
+    """Look at a recording of a good machine as diagnosis would, beside a floor."""
+    context = prepare(bagfile.read(path, machine), machine, floor)
+    place = context.place
+    assert place is not None
+    false = [p for p in propose(context, place, 1) if p.cause in ALL_PLACES]
+    columns = sum({p.cause: p.places for p in false}.values())
+    white = float(chi2.ppf(0.5 ** (1.0 / max(columns, 1)), 1))
+    fall = max((p.gain for p in false), default=0.0) / white
+    channels = place.stage.observation.channels
+    found = dict(zip(channels, map(float, by_channel(place)), strict=True))
+    print(path, f'fall {fall:.2f}', {c: round(v, 3) for c, v in found.items()}, flush=True)
+    return Good(fall, found)
+
+
+def calibrate(paths: Sequence[str], machine: Machine, jobs: int = 1) -> Floor:
     """Measure the floor on several recordings."""
-    floor = load_floor(machine)
-    rows: dict[str, dict[float, list[Level]]] = {}
-    for path in paths:
-        recording = bagfile.read(path, machine)
-        context = prepare_tolerances(recording, machine, floor, jobs=2)
-        speed, levels = measure(context)
-        nearest = min(SPEEDS_M_S, key=lambda s: abs(np.log(s / speed)))
-        for channel, level in levels.items():
-            kind = kind_of(machine.instruments.sensor(channel))
-            rows.setdefault(kind, {}).setdefault(nearest, []).append(level)
-        print(path, {c: round(float(np.mean(v.smooth)), 2) for c, v in levels.items()}, flush=True)
-    return Floor(
-        {
-            kind: {speed: mean_level(levels) for speed, levels in sorted(by_speed.items())}
-            for kind, by_speed in rows.items()
-        }
-    )
+    sensors = {s.channel: s for s in machine.instruments.sensors}
+    with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
+        rows: dict[str, dict[float, list[Level]]] = {}
+        for path, (speed, levels) in zip(
+            paths, pool.map(partial(levels_of, machine=machine), paths), strict=True
+        ):
+            nearest = min(SPEEDS_M_S, key=lambda s: abs(np.log(s / speed)))
+            for channel, level in levels.items():
+                rows.setdefault(kind_of(sensors[channel]), {}).setdefault(nearest, []).append(
+                    level
+                )
+            told = {c: round(float(np.mean(v.smooth)), 2) for c, v in levels.items()}
+            print(path, told, flush=True)
+        cold = Floor(
+            {
+                kind: {speed: mean_level(levels) for speed, levels in sorted(by_speed.items())}
+                for kind, by_speed in rows.items()
+            },
+            temperature=1.0,
+        )
+        good = list(pool.map(partial(beside_floor, machine=machine, floor=cold), paths))
+    kinds: dict[str, list[float]] = {}
+    for one in good:
+        for channel, value in one.chi2.items():
+            kinds.setdefault(kind_of(sensors[channel]), []).append(float(np.log(value)))
+    heat = max(1.0, float(np.mean([one.fall for one in good])))
+    pairs = {kind: (float(np.mean(v)), float(np.std(v))) for kind, v in kinds.items()}
+    return replace(cold, temperature=heat, clean_kinds=pairs)
 
 
 def main() -> None:
@@ -78,11 +134,12 @@ def main() -> None:
     parser.add_argument('bags', nargs='+', metavar='BAG')
     parser.add_argument('--machine', default='config/machines/prototype.yaml')
     parser.add_argument('--out', type=Path)
+    parser.add_argument('--jobs', type=int, default=1)
     given = parser.parse_args()
     machine = load_machine(given.machine)
     assert machine.source is not None
     out = given.out or machine.source.with_name(f'{machine.name}_floor.yaml')
-    floor = calibrate(given.bags, machine)
+    floor = calibrate(given.bags, machine, given.jobs)
     text = (
         f'What is left between the twin and {len(given.bags)} generated good machines (synthetic).'
     )

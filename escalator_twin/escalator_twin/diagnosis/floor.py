@@ -83,6 +83,8 @@ class Floor:
     clean : (float, float), optional
         Mean and standard deviation, over channels and good machines, of the logarithm of chi
         squared per coefficient over the floor.
+    clean_kinds : mapping of kind to (float, float)
+        The same by kind of channel, where it was measured apart.
     temperature : float
         By which all variances are multiplied; priors are not.
     leans : mapping of cause to float
@@ -94,6 +96,7 @@ class Floor:
     clean: tuple[float, float] | None = None
     temperature: float = TEMPERATURE
     leans: Mapping[str, float] = field(default_factory=dict)
+    clean_kinds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def mean_of(self, sensor: Sensor, speed_m_s: float) -> tuple[float, float] | None:
         """Return what a channel's mean is above the twin's, and its scatter, SI; None unknown."""
@@ -212,7 +215,8 @@ def read_floor(path: Path) -> Floor:
         levels.setdefault(row['kind'], {})[float(row['speed_m_s'])] = level
     leans = {cause: float(size) for cause, size in data.get('leans', {}).items()}
     heat = float(data.get('temperature', TEMPERATURE))
-    return Floor(levels, _pair(data.get('clean')), heat, leans)
+    kinds = {kind: (float(a), float(b)) for kind, (a, b) in data.get('clean_kinds', {}).items()}
+    return Floor(levels, _pair(data.get('clean')), heat, leans, kinds)
 
 
 def _pair(found: list[float] | None) -> tuple[float, float] | None:
@@ -236,7 +240,11 @@ def write_floor(path: Path, floor: Floor, source: str) -> None:
     clean = {'clean': [float(f'{v:.3g}') for v in floor.clean]} if floor.clean else {}
     heat = {'temperature': float(f'{floor.temperature:.3g}')}
     leans = {cause: float(f'{size:.3g}') for cause, size in floor.leans.items()}
-    told = {'leans': leans} if leans else {}
+    told: dict[str, Any] = {'leans': leans} if leans else {}
+    if floor.clean_kinds:
+        told['clean_kinds'] = {
+            kind: [float(f'{v:.3g}') for v in pair] for kind, pair in floor.clean_kinds.items()
+        }
     whole = {'schema': SCHEMA, **heat, **clean, **told, 'levels': rows}
     text = yaml.safe_dump(whole, sort_keys=False, width=100)
     path.write_text(f'# {source}\n{text}', encoding='utf-8')

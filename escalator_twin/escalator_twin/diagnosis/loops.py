@@ -6,6 +6,8 @@ index 0, with the forces of all links and the accelerations of all steps recorde
 looks the same as at 0 from a place j parts further. One run stands for all places of the cause.
 """
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,7 +116,6 @@ def simulate_loop(
     probes: np.ndarray,
     deviations: tuple[Deviation, ...] = (),
     rack_m: float | None = None,
-    rail: Floats | None = None,
 ) -> Loop:
     """Simulate one loop from path coordinate 0 and put it onto the grid.
 
@@ -130,25 +131,16 @@ def simulate_loop(
     rack_m : float, optional
         Of the loop that this one is to be compared with: travel is counted so that the rack's
         dogs stand alike.
-    rail : (n, 2) float64, optional
-        What the guide has beyond its survey: m and its slope, see `Simulation.lay`.
     """
     machine = replace(machine, deviations=(*machine.deviations, *deviations))
 
-    def built() -> Simulation:
-        simulation = make_simulation(machine, experiment)
-        assert isinstance(simulation, Simulation)
-        if rail is not None:
-            simulation.lay(rail)
-        return simulation
-
-    simulation = built()
+    simulation = _built(machine, experiment)
     length = simulation.path.length_m
     if is_uniform(simulation.parameters):
         pitch = record_pitch(simulation, RATE_HZ, MARGIN_S)
         if pitch is not None:
             return _tiled(pitch, frame, probes, simulation.parameters.dog_spacing, rack_m)
-        simulation = built()
+        simulation = _built(machine, experiment)
     speed = simulation.chain_speed_m_s
     simulation.start((-speed * MARGIN_S) % length)
     is_all = bool(probes[0, 0] == run.EVERYTHING)
@@ -173,6 +165,67 @@ def simulate_loop(
         float(length * experiment.direction),
         rack,
     )
+
+
+def _built(machine: Machine, experiment: Experiment) -> Simulation:
+    simulation = make_simulation(machine, experiment)
+    assert isinstance(simulation, Simulation)
+    return simulation
+
+
+def simulate_rails(
+    machine: Machine,
+    experiment: Experiment,
+    frame: Frame,
+    probes: np.ndarray,
+    rails: Sequence[Floats],
+    jobs: int = 1,
+) -> list[np.ndarray]:
+    """Simulate one loop with each of several small deviations of the rail.
+
+    Parameters
+    ----------
+    machine : Machine
+        Of which all links are alike.
+    experiment : Experiment
+        ``set_speed_m_s`` is that of the frame.
+    frame : Frame
+    probes : (k, 3) int64
+    rails : sequence of (n, 2) float64
+        What the guide has beyond its survey: m and its slope, see `Simulation.lay`.
+    jobs : int
+        Simulations at a time.
+
+    Returns
+    -------
+    changes : list of (n_loop, k) float32
+        One for each rail that the machine runs over steadily.
+    """
+    first = _built(machine, experiment)
+    first.start(0.0)
+    kept = first.keep()
+    spacing = first.parameters.dog_spacing
+
+    def runs(simulation: Simulation, rail: Floats | None, rack_m: float | None) -> Loop | None:
+        simulation.back_to(kept)
+        if rail is not None:
+            simulation.lay(rail)
+        pitch = record_pitch(simulation, RATE_HZ, MARGIN_S, goes_on=True)
+        return None if pitch is None else _tiled(pitch, frame, probes, spacing, rack_m)
+
+    base = runs(first, None, None)
+    if base is None:
+        return []
+
+    def some(part: Sequence[Floats]) -> list[np.ndarray]:
+        simulation = _built(machine, experiment)
+        loops = (runs(simulation, rail, base.rack_m) for rail in part)
+        return [loop.columns - base.columns for loop in loops if loop is not None]
+
+    count = max(1, jobs)
+    with ThreadPoolExecutor(count) as pool:
+        parts = pool.map(some, [rails[k::count] for k in range(count)])
+    return [change for part in parts for change in part]
 
 
 def _tiled(

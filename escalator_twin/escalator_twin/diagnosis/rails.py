@@ -8,14 +8,13 @@ most are nuisance like any other tolerance.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from escalator_twin.diagnosis.floor import is_shaken
-from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_loop
+from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_rails
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics.path import build_path
@@ -95,15 +94,10 @@ def rail_columns(
         return np.zeros((frame.n_loop, len(sensors), 0), np.float32)
     seen = sensor_probes(sensors, machine.chain.n_links)
     experiment = replace(experiment, set_speed_m_s=frame.speed_m_s)
-    base = simulate_loop(machine, experiment, frame, seen)
-
-    def change(rail: Floats) -> np.ndarray:
-        loop = simulate_loop(machine, experiment, frame, seen, (), base.rack_m, rail)
-        found: np.ndarray = loop.columns - base.columns
-        return found
-
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
-        changes = np.stack(list(pool.map(change, rails)), axis=2) / np.float32(len(rails) ** 0.5)
+    found = simulate_rails(machine, experiment, frame, seen, rails, jobs)
+    if not found:
+        return np.zeros((frame.n_loop, len(sensors), 0), np.float32)
+    changes = np.stack(found, axis=2) / np.float32(len(found) ** 0.5)
     changes[:, [is_shaken(sensor) for sensor in sensors]] = 0.0
     return _leading(changes, sensors, frame.rate_hz)
 

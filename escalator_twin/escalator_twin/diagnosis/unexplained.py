@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context
-from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.floor import Floor, kind_of
 from escalator_twin.diagnosis.split import comb_shares, in_time, loop_correlation
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import frequencies
@@ -50,14 +50,18 @@ def by_channel(place: Beside) -> Floats:
     return np.asarray(place.stage.whiten.temperature * np.mean(left**2, axis=0))
 
 
-def clean_of(floor: Floor) -> tuple[float, float]:
-    """Return mean and scatter of the logarithm of chi squared in good machines."""
-    return floor.clean or (CLEAN_LOG, CLEAN_SD)
+def clean_of(place: Beside, floor: Floor) -> tuple[Floats, Floats]:
+    """Return mean and scatter of the logarithm of chi squared in good machines, (c,) each."""
+    instruments = place.stage.machine.instruments
+    kinds = [kind_of(instruments.sensor(c)) for c in place.stage.observation.channels]
+    whole = floor.clean or (CLEAN_LOG, CLEAN_SD)
+    rows = np.array([floor.clean_kinds.get(kind, whole) for kind in kinds])
+    return rows[:, 0], rows[:, 1]
 
 
 def is_open(place: Beside, floor: Floor) -> bool:
     """Tell whether any channel holds more than a good machine's usually does."""
-    level, scatter = clean_of(floor)
+    level, scatter = clean_of(place, floor)
     return bool((by_channel(place) > np.exp(level + OPEN_SIGMAS * scatter)).any())
 
 
@@ -71,9 +75,8 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
         The machine as described, and with its effects.
     """
     first, last = by_channel(before), by_channel(after)
-    level, scatter = clean_of(context.floor)
-    limit = float(np.exp(level + SIGMAS * scatter))
-    floor = float(np.exp(level))
+    level, scatter = clean_of(after, context.floor)
+    limit, floor = np.exp(level + SIGMAS * scatter), np.exp(level)
     significant = bool((last > limit).any())
     excess = float(np.maximum(last - floor, 0.0).sum())
     whole = float(np.maximum(first - floor, 0.0).sum())
@@ -83,7 +86,7 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
     return Unexplained(significant, share if significant else 0.0, explained, signature)
 
 
-def signature_of(context: Context, place: Beside, chi2: Floats, floor: float) -> dict[str, Any]:
+def signature_of(context: Context, place: Beside, chi2: Floats, floor: Floats) -> dict[str, Any]:
     """Return which channels the remainder is in, where it sits and what it repeats with."""
     observation = place.stage.observation
     c = len(observation.channels)

@@ -132,7 +132,9 @@ def between(rows: np.ndarray, where: Floats) -> np.ndarray:
     return np.asarray(total)
 
 
-def record_pitch(simulation: Simulation, rate_hz: float, margin_s: float) -> Pitch | None:
+def record_pitch(
+    simulation: Simulation, rate_hz: float, margin_s: float, goes_on: bool = False
+) -> Pitch | None:
     """Run a uniform machine for one pitch.
 
     Parameters
@@ -142,6 +144,8 @@ def record_pitch(simulation: Simulation, rate_hz: float, margin_s: float) -> Pit
         Of the record; must divide the step rate.
     margin_s : float
         Recorded beyond both ends, at least.
+    goes_on : bool
+        The machine runs already, and goes on from where it stands.
 
     Returns
     -------
@@ -157,7 +161,8 @@ def record_pitch(simulation: Simulation, rate_hz: float, margin_s: float) -> Pit
     period = p.pitch_m / abs(p.speed)
     margin = (np.ceil(margin_s * rate_hz) + 2.0) / rate_hz
     every = np.array([(run.EVERYTHING, 0, 0)], dtype=np.int64)
-    simulation.start(0.0)
+    if not goes_on:
+        simulation.start(0.0)
     lead = simulation.advance(_whole(LEAD_PITCHES * period, rate_hz), rate_hz, every)
     rows = simulation.advance(_whole(period + 2.0 * margin, rate_hz), rate_hz, every)
     carriage = np.concatenate([lead[:, 2], rows[:, 2]])

@@ -1,6 +1,7 @@
 """Run a chain: start from static equilibrium at any place, advance, record."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -84,6 +85,15 @@ class Trace:
     columns: Floats
     place_m: Floats
     rack_m: float = 0.0
+
+
+class Kept(NamedTuple):
+    """Where a simulation stood."""
+
+    parameters: Parameters
+    given: Parameters
+    data: tuple[float, Floats, Floats, Floats]  # time, coordinates, velocities, accelerations
+    state: tuple[np.ndarray, ...]
 
 
 class Simulation:
@@ -173,6 +183,24 @@ class Simulation:
         self._shift_phases(0.0, -self.time_s)
         self.state.rack[TIME] = 0.0
         self.data.time = 0.0
+
+    def keep(self) -> Kept:
+        """Return where the simulation stands, to come back to."""
+        data = (
+            self.data.time,
+            self.data.qpos.copy(),
+            self.data.qvel.copy(),
+            self.data.qacc.copy(),
+        )
+        return Kept(self.parameters, self._given, data, tuple(part.copy() for part in self.state))
+
+    def back_to(self, kept: Kept) -> None:
+        """Stand again where a simulation of the same machine stood."""
+        self.parameters, self._given = kept.parameters, kept.given
+        self.data.time = kept.data[0]
+        self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = kept.data[1:]
+        for part, value in zip(self.state, kept.state, strict=True):
+            part[:] = value
 
     def lay(self, rail: Floats) -> None:
         """Add a deviation to the guide's normal one: (n, 2), m and its slope, on the same grid."""
