@@ -15,12 +15,16 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from scipy import fft
 from scipy.stats import chi2
 
 from escalator_twin import bagfile
-from escalator_twin.diagnosis.context import Context, prepare, prepare_tolerances, tuned
+from escalator_twin.diagnosis.context import Context, prepare, prepare_tolerances, shares_of, tuned
 from escalator_twin.diagnosis.floor import (
+    cell_of,
+    CELLS,
     Floor,
+    is_shaken,
     kind_of,
     Level,
     load_floor,
@@ -28,39 +32,86 @@ from escalator_twin.diagnosis.floor import (
     measure_level,
     write_floor,
 )
+from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.responses import ALL_PLACES
 from escalator_twin.diagnosis.unexplained import by_channel
 from escalator_twin.diagnosis.walk import propose
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
-from escalator_twin.machine import load_machine, Machine
+from escalator_twin.machine import load_machine, Machine, Sensor
+from escalator_twin.signals import Floats
 
 SPEEDS_M_S = (0.25, 0.5)  # of the levels: those of the experiment plan
 
 
-def measure(context: Context) -> tuple[float, dict[str, Level]]:
-    """Return the speed and the levels by channel of one recording."""
+@dataclass(frozen=True)
+class Remainder:
+    """What is left of a good machine's recording when all nuisance is taken out.
+
+    Attributes
+    ----------
+    frame : Frame
+    channels : tuple of str
+    left : (n, c) float64
+        SI; means removed.
+    shares : (n, c) float64
+        Where in the loop the step of each channel is, 0 to 1.
+    """
+
+    frame: Frame
+    channels: tuple[str, ...]
+    left: Floats
+    shares: Floats
+
+    @property
+    def level_speed(self) -> float:
+        """Speed of the level that it belongs to, m/s."""
+        return min(SPEEDS_M_S, key=lambda s: abs(np.log(s / self.frame.speed_m_s)))
+
+
+def measure(context: Context) -> Remainder:
+    """Return what is left of one recording."""
     context, place = tuned(context)
     stage, observation = place.stage, place.stage.observation
     left = stage.residual(place.model)
     left = left - np.tensordot(stage.nuisance.columns, place.fitted.sizes, 1)
-    left = left - left.mean(axis=0)
-    rate, n = observation.frame.rate_hz, len(observation.index)
-    orders = frequencies(n, rate) * observation.frame.pitch_m / observation.frame.speed_m_s
-    whiten = stage.whiten
-    waves = whiten(left[:, :, None]).reshape(len(whiten.weight), -1) / np.where(
-        whiten.weight > 0.0, whiten.weight, 1.0
+    left = np.where(observation.valid, left - left.mean(axis=0), 0.0)
+    return Remainder(
+        observation.frame, observation.channels, left, shares_of(context, observation)
     )
-    levels = {}
-    for k, channel in enumerate(observation.channels):
-        sensor = context.machine.instruments.sensor(channel)
+
+
+def spread_of(rows: Sequence[tuple[Remainder, int]], sensor: Sensor) -> Floats:
+    """Return the standard deviation by place in the loop, mean square one, (CELLS,)."""
+    total, count = np.zeros(CELLS), np.zeros(CELLS)
+    for remainder, k in rows:
+        cells = cell_of(remainder.shares[:, k])
+        np.add.at(total, cells, remainder.left[:, k] ** 2)
+        np.add.at(count, cells, 1.0)
+    power = total / np.maximum(count, 1.0)
+    # a cell that none of them passed is as uncertain as the worst
+    power = np.where(count > 0.0, power, power.max())
+    power = np.maximum(power, sensor.noise**2 * sensor.scale**2 / len(sensor.fields) * 1e-3)
+    return np.asarray(np.sqrt(power / power.mean()))
+
+
+def level_of(rows: Sequence[tuple[Remainder, int]], sensor: Sensor) -> Level:
+    """Measure the floor of one kind of channel at one speed."""
+    spread = spread_of(rows, sensor) if is_shaken(sensor) else None
+    levels = []
+    for remainder, k in rows:
+        rate, n = remainder.frame.rate_hz, len(remainder.left)
+        orders = frequencies(n, rate) * remainder.frame.pitch_m / remainder.frame.speed_m_s
+        left = remainder.left[:, k]
+        if spread is not None:
+            left = left / spread[cell_of(remainder.shares[:, k])]
         own = sensor_variance(sensor, rate)
-        white = waves[:, k].astype(np.float64) / own**0.5
-        levels[channel] = measure_level(white, orders, own, n)
-    return observation.frame.speed_m_s, levels
+        waves = fft.dct(left, norm='ortho')[: len(orders)]
+        levels.append(measure_level(waves / own**0.5, orders, own, n))
+    return replace(mean_level(levels), spread=spread)
 
 
-def levels_of(path: str, machine: Machine) -> tuple[float, dict[str, Level]]:
-    """Return the speed and the levels by channel of a recording, by the floor as it is."""
+def remainder_of(path: str, machine: Machine) -> Remainder:
+    """Return what is left of a recording, fitted beside the floor as it is."""
     recording = bagfile.read(path, machine)
     return measure(prepare_tolerances(recording, machine, load_floor(machine)))
 
@@ -100,20 +151,15 @@ def calibrate(paths: Sequence[str], machine: Machine, jobs: int = 1) -> Floor:
     """Measure the floor on several recordings."""
     sensors = {s.channel: s for s in machine.instruments.sensors}
     with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
-        rows: dict[str, dict[float, list[Level]]] = {}
-        for path, (speed, levels) in zip(
-            paths, pool.map(partial(levels_of, machine=machine), paths), strict=True
-        ):
-            nearest = min(SPEEDS_M_S, key=lambda s: abs(np.log(s / speed)))
-            for channel, level in levels.items():
-                rows.setdefault(kind_of(sensors[channel]), {}).setdefault(nearest, []).append(
-                    level
-                )
-            told = {c: round(float(np.mean(v.smooth)), 2) for c, v in levels.items()}
-            print(path, told, flush=True)
+        rows: dict[str, dict[float, list[tuple[Remainder, int]]]] = {}
+        for remainder in pool.map(partial(remainder_of, machine=machine), paths):
+            for k, channel in enumerate(remainder.channels):
+                by_speed = rows.setdefault(kind_of(sensors[channel]), {})
+                by_speed.setdefault(remainder.level_speed, []).append((remainder, k))
+        first = {kind_of(sensor): sensor for sensor in sensors.values()}
         cold = Floor(
             {
-                kind: {speed: mean_level(levels) for speed, levels in sorted(by_speed.items())}
+                kind: {speed: level_of(found, first[kind]) for speed, found in by_speed.items()}
                 for kind, by_speed in rows.items()
             },
             temperature=1.0,

@@ -12,7 +12,7 @@ from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import make_nuisance
-from escalator_twin.diagnosis.observation import observe, on_grid
+from escalator_twin.diagnosis.observation import Observation, observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.responses import (
     find_knobs,
@@ -23,6 +23,7 @@ from escalator_twin.diagnosis.responses import (
     tolerances_only,
 )
 from escalator_twin.diagnosis.stage import make_stage, run_beside, Stage
+from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics.rollout import Trace
@@ -250,10 +251,26 @@ def _aligned(
     columns = {s.channel: i for i, s in enumerate(machine.instruments.sensors)}
     model = on_grid(trace, setting.experiment.set_speed_m_s, observation, columns)
     nuisance = make_nuisance(observation, model, context.responses, machine)
-    whiten = make_whitener(observation, machine, context.floor)
+    shares = shares_of(context, observation)
+    whiten = make_whitener(observation, machine, context.floor, shares=shares)
     stage = make_stage(machine, setting, observation, nuisance, whiten, trace.rack_m)
     stage = replace(stage, turned=dict(turned))
     return Beside(stage, judgement, model, stage.fit(model))
+
+
+def shares_of(context: Context, observation: Observation) -> Floats:
+    """Return where in the loop, 0 to 1, the step of each channel is, (n, c); 0 without a step."""
+    direction = context.setting.experiment.direction
+    view = View(observation, context.responses, direction, NO_PROBES)
+    length = abs(context.responses.base.rolled_m)
+    shares = np.zeros(observation.measured.shape)
+    for k, channel in enumerate(observation.channels):
+        step = context.machine.instruments.sensor(channel).at.get('step')
+        if step is not None:
+            # a step spans a pitch from its axle on
+            middle = view.place_of(int(str(step))) + 0.5 * observation.frame.pitch_m
+            shares[:, k] = middle % length / length
+    return shares
 
 
 def with_own_tolerances(
@@ -311,7 +328,8 @@ def tuned(
     """
     place = beside(context, deviations, turned=turned, start=start)
     for _ in range(ROUNDS):
-        way = {k: place.stage.turned.get(k, 0.0) for k in context.responses.knobs}
+        tolerances = (k for k in context.responses.knobs if not k.startswith(RAIL))
+        way = {k: place.stage.turned.get(k, 0.0) for k in tolerances}
         if max(map(abs, way.values()), default=0.0) < FAR_TURNED:
             break
         nearer = with_own_tolerances(context, deviations, jobs, way)

@@ -22,6 +22,7 @@ from escalator_twin.signals import Floats
 SCHEMA = 'escalator_twin/floor/1'
 ORDERS = (0.0, 0.1, 0.5, 1.5, 3.5, 6.5, 10.0, 16.0, 40.0)  # edges of the smooth part
 HARMONICS = 32
+CELLS = 49  # of the loop, about 0.5 m each: where in it a channel's own error is large
 # The twin's error is not noise of its own in every sample: in machines within tolerance the falls of
 # chi squared that false causes reach exceed those of white noise by a factor. This is that of linked
 # chains (calibrated on generated recordings, docs/diagnosis.md); a floor's file may tell another.
@@ -30,8 +31,9 @@ LINE_HALF = 0.03  # orders that belong to a line on each side
 LINE_SCALE = 0.013  # a line's skirt falls by e over this order: the place in the loop modulates it
 LINE_REACH = 0.1
 # Rollers rattle in their clearance. Any change of the model, however small, rolls these dice anew, so
-# that two runs differ by more than either from the machine, in bursts: their weight is taken down.
-RATTLE = {'step_acceleration/z': 4.0, 'step_acceleration/x': 2.0}
+# that two runs differ by more than either from the machine, in bursts, where the force on a roller
+# changes sign: there these channels' weight is taken down.
+RATTLING = frozenset({'step_acceleration/z', 'step_acceleration/x'})
 # Causes that act on a step's x and z directly. What any other cause or tolerance seems to change there
 # is chance: taken at one standard deviation up and down, responses correlate by -0.7 to 0 instead
 # of 0.8 to 1 as those of forces, tensioner and y do. As columns of a fit such chance shrinks every
@@ -50,7 +52,7 @@ def kind_of(sensor: Sensor) -> str:
 
 def is_shaken(sensor: Sensor) -> bool:
     """Tell whether rattling rollers shake what a sensor reads."""
-    return kind_of(sensor) in RATTLE
+    return kind_of(sensor) in RATTLING
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,15 @@ class Level:
     mean : (float, float), optional
         What the mean of a good machine's channel is above the twin's, and its scatter, SI; None
         where the mean is a zero of the instrument.
+    spread : (CELLS,) float64, optional
+        Standard deviation by place of the step in the loop, in units of which the rest is measured;
+        None where it is everywhere the same.
     """
 
     smooth: Floats
     lines: Floats
     mean: tuple[float, float] | None = None
+    spread: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +111,22 @@ class Floor:
             return None
         return levels[min(levels, key=lambda s: abs(np.log(s / speed_m_s)))].mean
 
+    def spread(self, sensor: Sensor, share: Floats, speed_m_s: float) -> Floats:
+        """Return by how much a channel's own error is larger at some places than elsewhere.
+
+        Parameters
+        ----------
+        sensor : Sensor
+        share : (n,) float64
+            Path coordinate of what the sensor sits on, of the loop, 0 to 1.
+        speed_m_s : float
+        """
+        levels = self.levels.get(kind_of(sensor))
+        level = _between(levels, speed_m_s) if levels else None
+        if level is None or level.spread is None:
+            return np.ones(len(share))
+        return np.asarray(level.spread[cell_of(share)])
+
     def variance(
         self, sensor: Sensor, sensor_variance: float, orders: Floats, speed_m_s: float, n: int
     ) -> Floats:
@@ -126,8 +148,7 @@ class Floor:
             return np.full(len(orders), sensor_variance)
         level = _between(levels, speed_m_s)
         bins = np.clip(np.searchsorted(ORDERS, orders, side='right') - 1, 0, len(ORDERS) - 2)
-        rattle = RATTLE.get(kind_of(sensor), 1.0)
-        variance = sensor_variance * np.maximum(rattle * level.smooth[bins], 1.0)
+        variance = sensor_variance * np.maximum(level.smooth[bins], 1.0)
         spacing = orders[1] - orders[0]
         skirt = 2.0 * LINE_SCALE / spacing  # coefficients over which a line is spread
         for h, power in enumerate(level.lines, 1):
@@ -147,7 +168,17 @@ def _between(levels: Mapping[float, Level], speed_m_s: float) -> Level:
         table = np.log(np.maximum(np.stack(rows), 1e-30))
         return np.exp([np.interp(at, np.log(speeds), column) for column in table.T])
 
-    return Level(mix([levels[s].smooth for s in speeds]), mix([levels[s].lines for s in speeds]))
+    spreads = [found for s in speeds if (found := levels[s].spread) is not None]
+    return Level(
+        mix([levels[s].smooth for s in speeds]),
+        mix([levels[s].lines for s in speeds]),
+        spread=mix(spreads) if len(spreads) == len(speeds) else None,
+    )
+
+
+def cell_of(share: Floats) -> np.ndarray:
+    """Return the cell of the loop at some shares of it, (n,) int."""
+    return np.clip((share * CELLS).astype(int), 0, CELLS - 1)
 
 
 def measure_level(white: Floats, orders: Floats, sensor_variance: float, n: int) -> Level:
@@ -208,7 +239,10 @@ def read_floor(path: Path) -> Floor:
     levels: dict[str, dict[float, Level]] = {}
     for row in data['levels']:
         level = Level(
-            np.array(row['smooth'], float), np.array(row['lines'], float), _pair(row.get('mean'))
+            np.array(row['smooth'], float),
+            np.array(row['lines'], float),
+            _pair(row.get('mean')),
+            np.array(row['spread'], float) if 'spread' in row else None,
         )
         if len(level.smooth) != len(ORDERS) - 1:
             raise MachineError(f'{path}: smooth: expected {len(ORDERS) - 1} numbers')
@@ -232,6 +266,11 @@ def write_floor(path: Path, floor: Floor, source: str) -> None:
             'speed_m_s': speed,
             'smooth': [float(f'{v:.3g}') for v in level.smooth],
             'lines': [float(f'{v:.3g}') for v in level.lines],
+            **(
+                {'spread': [float(f'{v:.3g}') for v in level.spread]}
+                if level.spread is not None
+                else {}
+            ),
             **({'mean': [float(f'{v:.3g}') for v in level.mean]} if level.mean else {}),
         }
         for kind, levels in floor.levels.items()

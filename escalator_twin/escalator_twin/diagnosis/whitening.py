@@ -22,7 +22,7 @@ class Whitener:
     Attributes
     ----------
     mask : (n, c) float32
-        0 where nothing was measured.
+        0 where nothing was measured, less than 1 where the twin's own error is large.
     weight : (f, c) float32
         One over the standard deviation of a cosine coefficient.
     temperature : float
@@ -62,10 +62,12 @@ def make_whitener(
     machine: Machine,
     floor: Floor,
     means: Container[str] = (),
+    shares: Floats | None = None,
 ) -> Whitener:
     """Return the whitener of an observation: the sensors' noise and the twin's own error.
 
     ``means`` holds the channels whose mean counts; of all others it is a zero of the instrument.
+    ``shares`` says where in the loop, 0 to 1, the step of each channel is, (n, c).
     """
     frame, n = observation.frame, len(observation.index)
     f = frequencies(n, frame.rate_hz)
@@ -78,4 +80,8 @@ def make_whitener(
     weight[0] *= [channel in means for channel in observation.channels]
     weight /= floor.temperature**0.5
     mask = observation.valid.astype(np.float32)
+    if shares is not None:
+        for k, channel in enumerate(observation.channels):
+            sensor = machine.instruments.sensor(channel)
+            mask[:, k] /= floor.spread(sensor, shares[:, k], frame.speed_m_s)
     return Whitener(mask, weight.astype(np.float32), floor.temperature)
