@@ -7,8 +7,10 @@ import pytest
 import trials
 
 from escalator_twin.diagnosis.floor import (
+    CELLS,
     Floor,
     HARMONICS,
+    is_shaken,
     kind_of,
     Level,
     load_floor,
@@ -122,5 +124,47 @@ def test_a_file_tells_its_temperature(floor, tmp_path):
     assert read_floor(path).temperature == 2.5
 
 
-def test_the_prototypes_temperature_is_that_of_linked_chains():
-    assert load_floor(trials.prototype()).temperature == TEMPERATURE == 8.0
+def test_the_prototypes_floor_tells_what_good_machines_are_like():
+    machine = trials.prototype()
+    found = load_floor(machine)
+    assert found.temperature >= 1.0
+    for sensor_ in machine.instruments.sensors:
+        level_log, scatter = found.clean_kinds[kind_of(sensor_)]
+        # chi squared over its own floor: about one for each coefficient
+        assert abs(level_log) < 3.0 * scatter + 0.2
+        assert scatter > 0.0
+        has_places = found.levels[kind_of(sensor_)][0.5].spread is not None
+        assert has_places == is_shaken(sensor_)
+
+
+def test_a_floor_that_tells_no_temperature_has_that_of_linked_chains(tmp_path, floor):
+    path = tmp_path / 'some_floor.yaml'
+    write_floor(path, floor, 'test')
+    text = [line for line in path.read_text().splitlines() if not line.startswith('temperature')]
+    path.write_text('\n'.join(text))
+    assert read_floor(path).temperature == TEMPERATURE
+
+
+def test_where_a_step_shakes_it_counts_less(floor):
+    shaken = next(s for s in trials.prototype().instruments.sensors if is_shaken(s))
+    places = np.ones(CELLS)
+    places[:7] = 5.0
+    one = Floor({kind_of(shaken): {0.5: replace(level(1), spread=places)}})
+    share = np.array([0.0, 6.9 / CELLS, 7.1 / CELLS, 0.999])
+    np.testing.assert_allclose(one.spread(shaken, share, 0.5), [5.0, 5.0, 1.0, 1.0])
+    np.testing.assert_array_equal(floor.spread(sensor(), share, 0.5), np.ones(4))
+
+
+def test_places_and_good_machines_are_kept_in_the_file(tmp_path):
+    kind = kind_of(sensor())
+    whole = Floor(
+        {kind: {0.5: replace(level(1), spread=np.linspace(0.5, 2.0, CELLS))}},
+        clean_kinds={kind: (-0.1, 0.2)},
+    )
+    path = tmp_path / 'some_floor.yaml'
+    write_floor(path, whole, 'test')
+    again = read_floor(path)
+    assert again.clean_kinds == {kind: (-0.1, 0.2)}
+    np.testing.assert_allclose(
+        again.levels[kind][0.5].spread, whole.levels[kind][0.5].spread, rtol=5e-3
+    )

@@ -1,0 +1,69 @@
+"""What the survey leaves open of the rail, and what it does to the signals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trials
+
+from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_rails
+from escalator_twin.diagnosis.rails import draw_rails, rail_columns
+from escalator_twin.physics.survey import spectrum_of
+
+pytestmark = pytest.mark.issue(6)
+
+
+def test_the_spectrum_of_a_drawn_rail_is_found_again():
+    rng = np.random.default_rng(3)
+    n, level, slope, error = 488, -9.5, 2.0, 5e-5
+    number = np.arange(1, n // 2 + 1)
+    waves = np.zeros(n // 2 + 1, complex)
+    power = np.exp(level - slope * np.log(number))
+    waves[1:] = np.sqrt(power * n / 2.0) * (rng.normal(size=(2, len(number))).T @ [1.0, 1j])
+    values = np.fft.irfft(waves, n) + rng.normal(0.0, error, n)
+    found_level, found_slope = spectrum_of(values, error)
+    assert found_slope == pytest.approx(slope, abs=0.3)
+    assert found_level == pytest.approx(level, abs=1.0)
+
+
+def test_what_is_open_is_the_surveys_error_and_no_more():
+    """White error of 0.05 mm a point leaves each surveyed wave open by at most that."""
+    machine = trials.prototype()
+    rails = np.array([rail[:, 0] for rail in draw_rails(machine, 60)])
+    assert 0.2 * machine.guide.survey_error_m < rails.std() < 1.5 * machine.guide.survey_error_m
+    # its slope is that of the deviation
+    one = draw_rails(machine, 1)[0]
+    step = 24.4057 / len(one)
+    slope = (np.roll(one[:, 0], -1) - np.roll(one[:, 0], 1)) / (2.0 * step)
+    assert np.corrcoef(slope, one[:, 1])[0, 1] > 0.98
+
+
+def test_an_exact_survey_leaves_short_waves_alone():
+    machine = trials.prototype()
+    exact = replace(machine, guide=replace(machine.guide, survey_error_m=1e-9))
+    waves = np.abs(np.fft.rfft(draw_rails(exact, 1)[0][:, 0]))
+    assert waves[1:200].max() < 1e-3 * waves[244:].max()
+
+
+def test_without_a_survey_there_is_nothing_to_draw():
+    machine = trials.smooth_prototype()
+    assert draw_rails(machine) == []
+    assert rail_columns(machine, trials.case(), Frame.of(machine, 0.5)).shape[2] == 0
+
+
+def test_columns_hold_the_spread_of_the_signals():
+    """The sum of the columns' squares is the variance over rails that were not drawn for them."""
+    machine, experiment = trials.prototype(), trials.case()
+    frame = Frame.of(machine, experiment.set_speed_m_s)
+    columns = rail_columns(machine, experiment, frame)
+    seen = sensor_probes(machine.instruments.sensors, frame.n_links)
+    others = draw_rails(machine, 16, seed=99)
+    changes = np.stack(simulate_rails(machine, experiment, frame, seen, others))
+    for k in range(5):  # forces and tensioner
+        told = np.sum(columns[:, k] ** 2, axis=1).mean() ** 0.5
+        assert told == pytest.approx(changes[:, :, k].std(), rel=0.35)
+    # and their directions: most of a new rail's change lies in the columns
+    white = columns[:, :4].reshape(-1, columns.shape[2])
+    for change in changes[:4, :, :4].reshape(4, -1):
+        sizes = np.linalg.lstsq(white, change, rcond=None)[0]
+        assert np.std(change - white @ sizes) < 0.3 * np.std(change)
