@@ -21,9 +21,9 @@ Alike
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
-from escalator_twin.causes.phases import PHASE
+from escalator_twin.causes.phases import PHASE, SLIP
 from escalator_twin.causes.places import AXLE, integer, SIDE, text
-from escalator_twin.causes.sides import add_phasor
+from escalator_twin.causes.sides import add_phasor, with_slip
 from escalator_twin.machine import Machine
 from escalator_twin.physics.parameters import Parameters
 
@@ -39,7 +39,10 @@ def alter_parameters(
         theta['amplitude_m'],
         theta['phase_rad'],
     )
-    return parameters._replace(eccentricity=waves)
+    slip = with_slip(
+        parameters.tread_slip, text(location, 'side'), integer(location, 'axle'), theta['slip']
+    )
+    return parameters._replace(eccentricity=waves, tread_slip=slip)
 
 
 CAUSE = Cause(
@@ -48,6 +51,7 @@ CAUSE = Cause(
     parameters=(
         Parameter('amplitude_m', 'm', 0.0, 0.005, neutral=0.0, tolerance=2e-5),
         PHASE,
+        SLIP,
     ),
     places=(AXLE, SIDE),
     references=({'amplitude_m': 4e-4},),

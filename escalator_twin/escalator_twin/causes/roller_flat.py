@@ -12,7 +12,8 @@ the rail.
 
 Limits
 ------
-Smooth, no impact of edges; turns without slipping. A second flat on the same roller replaces the
+Smooth, no impact of edges; ``slip`` is the share by which the roller turns more than its way over
+its nominal radius. A second flat on the same roller replaces the
 first. In a planar model one side's roller counts by half.
 
 Alike
@@ -21,9 +22,9 @@ Alike
 """
 
 from escalator_twin.causes.base import Cause, Location, Parameter, Theta
-from escalator_twin.causes.phases import PHASE
+from escalator_twin.causes.phases import PHASE, SLIP
 from escalator_twin.causes.places import AXLE, integer, SIDE, text
-from escalator_twin.causes.sides import rows_of
+from escalator_twin.causes.sides import rows_of, with_slip
 from escalator_twin.machine import Machine
 from escalator_twin.physics.parameters import Parameters, SIDES
 
@@ -39,7 +40,10 @@ def alter_parameters(
     for row in rows:
         share = rows.count(row) * len(flat) / len(SIDES)
         flat[row, integer(location, 'axle')] = share * theta['depth_m'], theta['phase_rad']
-    return parameters._replace(flat=flat)
+    slip = with_slip(
+        parameters.tread_slip, text(location, 'side'), integer(location, 'axle'), theta['slip']
+    )
+    return parameters._replace(flat=flat, tread_slip=slip)
 
 
 CAUSE = Cause(
@@ -48,6 +52,7 @@ CAUSE = Cause(
     parameters=(
         Parameter('depth_m', 'm', 0.0, 0.01, neutral=0.0, tolerance=2e-5),
         PHASE,
+        SLIP,
     ),
     places=(AXLE, SIDE),
     references=({'depth_m': 6e-4},),

@@ -46,3 +46,13 @@ def add_phasor(values: Floats, side: str, where: Where, amplitude: float, phase:
         total = size * np.exp(1j * angle) + share * amplitude * np.exp(1j * phase)
         changed[row, where] = abs(total), np.angle(total)
     return changed
+
+
+def with_slip(values: Floats, side: str, axle: int, slip: float) -> Floats:
+    """Return the rollers' slips (rows, n) with one of them changed."""
+    if slip == 0.0:
+        return values
+    changed = values.copy()
+    for row in rows_of(side, len(values)):
+        changed[row, axle] = slip
+    return changed

@@ -29,6 +29,7 @@ NUDGES = {
     'frequency_hz': 5e-4,
     'cycles_per_pitch': 5e-4,
     'damping_ratio': 5e-3,
+    'slip': 1e-4,
 }
 NUDGES_OF = {('guide_step', 'length_m'): 5e-3, ('truss_resonance', 'frequency_hz'): 0.03}
 # Of sizes that are differentiated where they are, a good part of the size: two runs differ by rattling

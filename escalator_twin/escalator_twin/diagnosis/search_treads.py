@@ -13,7 +13,8 @@ from escalator_twin.diagnosis.regression import (
 from escalator_twin.diagnosis.responses import find_flats, FLAT_PHASES
 from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
 
-FLAT_WORTH = 10.0  # chi squared by the first order from which flat spots are looked at
+FLAT_WORTH = 0.01  # of chi squared by the first order, from which flat spots are looked at
+SLIPS = np.linspace(-1e-3, 1e-3, 9)  # a quarter of a turn in a loop of the prototype is 2.5e-3
 FLAT_GRID = 36
 
 
@@ -34,9 +35,9 @@ def eccentric(search: Search) -> Iterator[Proposal]:
         phase = atan2(sizes[k, 1], sizes[k, 0]) + 0.5 * pi + view.turn_at_start(axle)
         yield Proposal(
             'roller_eccentricity', {'axle': axle, 'side': name},
-            {'amplitude_m': amplitude, 'phase_rad': wrapped(phase)}, float(gains[k]),
+            {'amplitude_m': amplitude, 'phase_rad': wrapped(phase), 'slip': 0.0}, float(gains[k]),
             {'amplitude_m': amplitude / max(gains[k], 1e-9) ** 0.5}, 2 * view.n_links,
-            ('amplitude_m', 'phase_rad'),
+            ('amplitude_m', 'phase_rad', 'slip'),
         )  # fmt: skip
 
 
@@ -45,7 +46,8 @@ def flats(search: Search) -> Iterator[Proposal]:
     view = search.view
     n = view.n_links
     # at the first order a flat spot is an eccentricity: where there is none, there is no spot
-    turning = [p for p in eccentric(search) if p.gain > FLAT_WORTH]
+    least = FLAT_WORTH * search.fitted.chi2
+    turning = [p for p in eccentric(search) if p.gain > least]
     if not turning:
         return
     found = find_flats(
@@ -58,24 +60,36 @@ def flats(search: Search) -> Iterator[Proposal]:
         axle, side = proposal.location['axle'], proposal.location['side'] == 'right'
         assert isinstance(axle, int)
         grid = 2.0 * pi * np.arange(FLAT_GRID) / FLAT_GRID
-        total = np.repeat(view.at(orders[0].real, axle, side)[:, :, None], FLAT_GRID, axis=2)
-        for order in range(1, highest + 1):
-            seen = view.turning(orders[order].astype(np.complex64), axle, side, order)
-            turn = np.exp(1j * order * grid).astype(np.complex64)
-            total = total + 2.0 * (seen[:, :, None] * turn).real
-        score = score_each(search.fitted, search.whiten(total))
-        good = np.where(score.size > 0.0, score.gain, 0.0)
-        top = int(np.argmax(good))
-        phase = grid[top] + view.turn_at_start(axle)
-        proposals.append(
-            Proposal(
-                'roller_flat',
-                {'axle': axle, 'side': SIDES[side]},
-                {'depth_m': float(max(score.size[top], 0.0)), 'phase_rad': wrapped(phase)},
-                float(good[top]),
-                {'depth_m': float(score.sd[top])},
-                2 * n * FLAT_GRID // 3,
-                ('depth_m', 'phase_rad'),
+        seen = [
+            view.turning(orders[order].astype(np.complex64), axle, side, order)
+            for order in range(1, highest + 1)
+        ]
+        turned = view.direction * view.observation.travel_m / view.responses.radius_m
+        slipping = []
+        for slip in SLIPS:
+            total = np.repeat(view.at(orders[0].real, axle, side)[:, :, None], FLAT_GRID, axis=2)
+            for order, wave in enumerate(seen, 1):
+                late = np.exp(1j * order * slip * turned).astype(np.complex64)
+                turn = np.exp(1j * order * grid).astype(np.complex64)
+                total = total + 2.0 * ((wave * late[:, None])[:, :, None] * turn).real
+            score = score_each(search.fitted, search.whiten(total))
+            good = np.where(score.size > 0.0, score.gain, 0.0)
+            top = int(np.argmax(good))
+            phase = grid[top] + view.turn_at_start(axle)
+            slipping.append(
+                Proposal(
+                    'roller_flat',
+                    {'axle': axle, 'side': SIDES[side]},
+                    {
+                        'depth_m': float(max(score.size[top], 0.0)),
+                        'phase_rad': wrapped(phase),
+                        'slip': float(slip),
+                    },
+                    float(good[top]),
+                    {'depth_m': float(score.sd[top])},
+                    2 * n * FLAT_GRID // 3,
+                    ('depth_m', 'phase_rad', 'slip'),
+                )
             )
-        )
+        proposals += best(slipping, 1)
     yield from best(proposals, 3)

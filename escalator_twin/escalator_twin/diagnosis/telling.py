@@ -24,7 +24,7 @@ SURE = 0.9  # probability from which nothing more is asked for
 DOUBTFUL = 0.1  # from which a cause that is not named is worth another experiment
 MOST_CANDIDATES = 20
 NORMAL_95 = 1.96
-HIDDEN = {'phase_rad', 'curvature'}
+HIDDEN = {'phase_rad', 'curvature', 'slip'}
 SHAPES = {('guide_step', 'length_m')}  # not among the numbers of contracts.md
 
 

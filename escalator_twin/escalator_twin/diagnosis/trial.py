@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.free import FREED, freed
 from escalator_twin.diagnosis.polish import polish, Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
@@ -79,9 +80,12 @@ def try_all(
     tried : list of Tried
         Best first.
     """
-    single = [p for p in contenders if p.cause not in DRIVE]
     stage, base, fitted = place.stage, place.model, place.fitted
+    single = [p for p in contenders if p.cause not in DRIVE]
+    stretches = [p for p in single if p.cause == 'guide_drag'][:1]  # its ends are looked for anew
+    single = [p for p in single if p.cause != 'guide_drag']
     with ThreadPoolExecutor(max(1, jobs)) as pool:
+        single += pool.map(lambda p: best_stretch(stage, base, fitted, p), stretches)
         first = [
             r
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
@@ -93,9 +97,12 @@ def try_all(
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
-        fitted_again = list(pool.map(lambda r: _fitted(context, place, known, r), leading))
+        share = max(1, jobs // max(1, len(leading)))
+        fitted_again = list(
+            pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading)
+        )
         if afar is not None:
-            fitted_again += _tried_afar(context, afar, place, known, pool)
+            fitted_again += _tried_afar(context, afar, place, known, pool, jobs)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
     tried = _locked(context, place, fitted_again + rest)
     return sorted(tried, key=lambda t: -t.gain)
@@ -107,6 +114,7 @@ def _tried_afar(
     place: Beside,
     known: Sequence[Proposal],
     pool: ThreadPoolExecutor,
+    jobs: int,
 ) -> list[Tried]:
     """Fit what was sought from the machine as described, beginning there."""
     base = afar.place
@@ -115,7 +123,8 @@ def _tried_afar(
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
-    fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}), leading)
+    share = max(1, jobs // max(1, len(leading)))
+    fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}, share), leading)
     found = []
     for tried in fitted:
         if tried.polished is not None:
@@ -136,6 +145,7 @@ def _fitted(
     known: Sequence[Proposal],
     refined: Refined,
     turned: Mapping[str, float] | None = None,
+    jobs: int = 1,
 ) -> Tried:
     """Fit a refined cause together with the tolerances and what is known already.
 
@@ -155,6 +165,7 @@ def _fitted(
             fixed,
             lambda p: freed(p, known),
             refined.proposal.cause in MOVES_RESONANCE,
+            jobs,
         )
     except EscalatorError:
         return _plain(refined)

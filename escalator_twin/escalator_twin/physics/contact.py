@@ -130,6 +130,7 @@ def end_forces(p: Parameters, state: State, q: Floats, v: Floats, w: Floats, h: 
     segments, survey, length_m, gravity = p.segments, p.survey, p.length_m, p.gravity
     end_mass, law_of, drag_of = p.end_mass, p.rolling_resistance, p.roller_drag
     eccentricity, flat, guide_drag = p.eccentricity, p.flat, p.guide_drag
+    tread_slip = p.tread_slip
     hints, dogs, places, speeds = state.segment, state.dog, state.s, state.speed
     normals, force, inverse, rack = state.normal, state.force, state.inverse, state.rack
     reaction, coupling, inertia = state.reaction, state.coupling, state.inertia
@@ -174,7 +175,8 @@ def end_forces(p: Parameters, state: State, q: Floats, v: Floats, w: Floats, h: 
             rate = v_n - slope * v_t
             half = half_clearance
             if eccentricity[side, i, 0] != 0.0 or flat[side, i, 0] != 0.0:
-                half -= tread(roll[side, i] / radius, eccentricity[side, i], flat[side, i])
+                turn = roll[side, i] / radius * (1.0 + tread_slip[side, i])
+                half -= tread(turn, eccentricity[side, i], flat[side, i])
             normal, push, added, tracks = 0.0, 0.0, 0.0, 1.0
             if abs(gap) > half:
                 spring = -k_n * (gap - half if gap > 0.0 else gap + half)

@@ -46,6 +46,7 @@ class Parameters(NamedTuple):
     roller_radius: float
     eccentricity: Floats  # (m, n, 2): amplitude, phase rad
     flat: Floats  # (m, n, 2): depth, phase rad
+    tread_slip: Floats  # (m, n) share by which a roller turns more than its way over its radius
     guide_drag: Floats  # (k, 3): from, to, N per roller
     drive_start: float
     drive_end: float
@@ -131,6 +132,7 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
         roller_radius=roller.diameter_m / 2.0,
         eccentricity=np.zeros((m, n, 2)),
         flat=np.zeros((m, n, 2)),
+        tread_slip=np.zeros((m, n)),
         guide_drag=np.zeros((0, 3)),
         drive_start=start,
         drive_end=start + length,
