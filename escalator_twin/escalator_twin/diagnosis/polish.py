@@ -27,8 +27,8 @@ from escalator_twin.signals import Floats
 
 Free = Callable[[Beside], Beside]
 
-STEPS = 3
-ANEW = 1  # times that the tolerances' effect is taken anew on the way
+STEPS = 8
+ANEW = 2  # times that the tolerances' effect is taken anew on the way
 SHARES = (1.0, 0.4, 0.15)
 STRETCH, FARTHEST = 2.5, 7.0  # of a step that explains more
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit

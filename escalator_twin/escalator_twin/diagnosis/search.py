@@ -30,6 +30,8 @@ class Search:
         The stage's model, of which the residual is.
     jobs : int
         Simulations at a time.
+    is_open : bool
+        More is left than in a good machine: searches that cost much are worth it.
     """
 
     view: View
@@ -37,6 +39,7 @@ class Search:
     stage: Stage
     model: Floats
     jobs: int = 1
+    is_open: bool = True
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from escalator_twin.diagnosis.regression import (
 from escalator_twin.diagnosis.responses import find_flats, FLAT_PHASES
 from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
 
-FLAT_WORTH = 0.01  # of chi squared by the first order, from which flat spots are looked at
+FLAT_WORTH = 10.0  # chi squared by the first order from which flat spots are looked at
 SLIPS = np.linspace(-1e-3, 1e-3, 9)  # a quarter of a turn in a loop of the prototype is 2.5e-3
 FLAT_GRID = 36
 
@@ -46,9 +46,8 @@ def flats(search: Search) -> Iterator[Proposal]:
     view = search.view
     n = view.n_links
     # at the first order a flat spot is an eccentricity: where there is none, there is no spot
-    least = FLAT_WORTH * search.fitted.chi2
-    turning = [p for p in eccentric(search) if p.gain > least]
-    if not turning:
+    turning = [p for p in eccentric(search) if p.gain > FLAT_WORTH]
+    if not turning or not search.is_open:
         return
     found = find_flats(
         search.machine, search.stage.setting.experiment, view.responses, search.jobs

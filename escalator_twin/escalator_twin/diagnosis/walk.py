@@ -224,7 +224,8 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
         context.responses,
         context.setting.experiment.direction,
     )
-    search = Search(view, place.fitted, place.stage, place.model, jobs)
+    is_left = is_open(place, context.floor)
+    search = Search(view, place.fitted, place.stage, place.model, jobs, is_left)
     return search_all(search, FAMILIES)
 
 
