@@ -8,10 +8,10 @@ import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.context import Beside, beside, Context
+from escalator_twin.diagnosis.context import Beside, beside, Context, LOCAL
 from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
 from escalator_twin.diagnosis.free import FREED, freed
-from escalator_twin.diagnosis.polish import polish, Polished
+from escalator_twin.diagnosis.polish import polish, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.stretches import best_stretch
@@ -20,6 +20,7 @@ from escalator_twin.machine import Deviation
 
 CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
 CLOSEST = 0.85  # the same of what was sought from afar
+STEPS_AT_LENGTH = 3  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Causes that change the machine so much that its tolerances act otherwise.
 MOVES_RESONANCE = frozenset({
@@ -166,6 +167,7 @@ def _fitted(
             lambda p: freed(p, known),
             refined.proposal.cause in MOVES_RESONANCE,
             jobs,
+            STEPS_AT_LENGTH if refined.proposal.cause in LOCAL else STEPS,
         )
     except EscalatorError:
         return _plain(refined)
