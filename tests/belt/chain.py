@@ -71,6 +71,20 @@ class Chain:
         )  # fmt: skip
         height = self.masses[0] * curve.z + self.masses[1] * cz + self.masses[2] * bz
         self.height_slope = np.gradient(height, grid) / sum(self.masses)
+        heading = np.interp(back % trailing.length, own, trailing.heading)
+        self._supports((cx, cz), (bx, bz), heading)
+
+    def _supports(self, centre, behind, heading):
+        """Tabulate what weights ask of both rails: the step in balance about its axle."""
+        x, z, g = self.curve.x, self.curve.z, numeric(self.sheet['gravity_m_s2'])
+        arm = behind[0] - x, behind[1] - z
+        nx, nz = -np.sin(heading), np.cos(heading)
+        tips = self.masses[1] * g * (centre[0] - x) + self.masses[2] * g * arm[0]
+        push = tips / (arm[0] * nz - arm[1] * nx)
+        a = self.curve.heading
+        down = sum(self.masses) * g - push * nz
+        self.on_chain = down * np.cos(a) + push * nx * np.sin(a)
+        self.on_trailing = np.abs(push)
 
     def _numbers(self):
         """Collect what the equations of motion read; see `motion.rates`."""
@@ -87,7 +101,7 @@ class Chain:
         slope = np.gradient(moves, self.grid)
         self.table = np.column_stack([
             curve.x, curve.z, np.cos(curve.heading), np.sin(curve.heading), curve.bend,
-            self.height_slope, moves, slope,
+            self.height_slope, moves, slope, self.on_chain, self.on_trailing,
         ])  # fmt: skip
         total, step = sum(self.masses), self.masses[1]
         spin = 4 * 0.5 * numeric(roller['mass_kg'])
@@ -100,8 +114,8 @@ class Chain:
         self.number = np.array([
             curve.length, total + spin, 2.0 * numeric(chain['link_stiffness_n_m']),
             2.0 * numeric(chain['link_damping_n_s_m']), total * g, resist, fixed,
-            numeric(roller['creep_speed_m_s']), (self.masses[0] + 0.5 * step) * g,
-            (self.masses[2] + 0.5 * step) * g, curve.ends[5], curve.ends[6] - curve.ends[5],
+            numeric(roller['creep_speed_m_s']), 0.5 * fixed, self.masses[0] + 0.5 * step,
+            curve.ends[5], curve.ends[6] - curve.ends[5],
             radius, 2.0 * pi * radius / seats, 2.0 * pi * self.speed / (seats * self.pitch),
             numeric(tensioner['mass_kg']), numeric(tensioner['stiffness_n_m']),
             numeric(tensioner['damping_n_s_m']),

@@ -28,12 +28,13 @@ def rates(y, t, table, number, drags, lengths, out, seen):
     """Fill the rates of y = [s, v, u, u', gear angle].
 
     Columns of ``table``: x, z, cos, sin, bend, height's slope, share that moves with the lower
-    gear and its slope. ``number`` holds the machine's numbers in the order of `numbers`.
+    gear and its slope, support that weights ask of the chain's roller and of the trailing one.
+    ``number`` holds the machine's numbers in the order of `Chain._numbers`.
     """
     n = drags.shape[0]
     length, mass, k, c = number[0], number[1], number[2], number[3]
     weight, resist, fixed, creep = number[4], number[5], number[6], number[7]
-    on_chain, on_trailing = number[8], number[9]
+    idle, heavy = number[8], number[9]
     begin, gear, radius, arc, omega = number[10], number[11], number[12], number[13], number[14]
     m_u, k_u, c_u, push, dry, ramp = (
         number[15],
@@ -45,7 +46,9 @@ def rates(y, t, table, number, drags, lengths, out, seen):
     )
     eccentric, phase = number[21], number[22]
     u, du, turned = y[2 * n], y[2 * n + 1], y[2 * n + 2]
+    share = 0.5 * (1.0 - np.cos(pi * t / ramp)) if t < ramp else 1.0
     px, pz, tx, tz = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    wx, wz, rise, turning = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     row = np.empty((n, table.shape[1]))
     for i in range(n):
         row[i] = at(table, length, y[i])
@@ -53,6 +56,25 @@ def rates(y, t, table, number, drags, lengths, out, seen):
         pz[i] = row[i, 1]
         tx[i] = row[i, 2] - u * row[i, 7]
         tz[i] = row[i, 3]
+        way = (y[i] % length) - begin
+        if eccentric != 0.0 and 0.0 <= way < gear:
+            # the rim's circle turns about a shaft that is off its centre: the bead rides on it
+            angle = way / radius - turned + phase
+            inside = min(way, gear - way)
+            ease = 1.0 if inside > EASE_M else inside / EASE_M
+            eased = 0.0
+            if inside <= EASE_M:
+                eased = 1.0 / EASE_M if way < gear - way else -1.0 / EASE_M
+            apart, along = eccentric * np.cos(angle), eccentric * np.sin(angle)
+            rise[i] = eased * apart - ease * along / radius
+            turning[i] = ease * along
+            px[i] -= ease * apart * row[i, 3]
+            pz[i] += ease * apart * row[i, 2]
+            stretch = 1.0 - ease * apart * row[i, 4]
+            tx[i] = stretch * row[i, 2] - rise[i] * row[i, 3]
+            tz[i] = stretch * row[i, 3] + rise[i] * row[i, 2]
+            wx[i] = -turning[i] * share * omega * row[i, 3]
+            wz[i] = turning[i] * share * omega * row[i, 2]
     fx, fz = np.zeros(n), np.zeros(n)
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
@@ -61,22 +83,22 @@ def rates(y, t, table, number, drags, lengths, out, seen):
         ex, ez = dx / d, dz / d
         rate = (y[n + j] * tx[j] - du * row[j, 6] - y[n + i] * tx[i] + du * row[i, 6]) * ex
         rate += (y[n + j] * tz[j] - y[n + i] * tz[i]) * ez
+        rate += (wx[j] - wx[i]) * ex + (wz[j] - wz[i]) * ez
         pull = k * (d - lengths[i]) + c * rate
         seen[i] = pull
         fx[i] += pull * ex
         fz[i] += pull * ez
         fx[j] -= pull * ex
         fz[j] -= pull * ez
-    share = 0.5 * (1.0 - np.cos(pi * t / ramp)) if t < ramp else 1.0
     torque, along = 0.0, 0.0
     for i in range(n):
         v = y[n + i]
-        force = fx[i] * tx[i] + fz[i] * tz[i] - weight * row[i, 5]
+        force = fx[i] * tx[i] + fz[i] * tz[i] - weight * (row[i, 5] + rise[i] * row[i, 2])
         across = fz[i] * row[i, 2] - fx[i] * row[i, 3]
-        normal = on_chain * row[i, 2] - across + on_chain / 9.81 * row[i, 4] * v * v
+        normal = row[i, 8] - across + heavy * row[i, 4] * v * v
         seen[n + i] = normal
         way = (y[i] % length) - begin
-        grip = 0.0
+        grip, still = 0.0, 0.0
         if 0.0 <= way < gear:
             angle = way / radius - turned + phase
             off = way - turned * radius + eccentric * np.sin(angle)
@@ -84,10 +106,11 @@ def rates(y, t, table, number, drags, lengths, out, seen):
             inside = min(way, gear - way)
             ease = 1.0 if inside > EASE_M else inside / EASE_M
             grip = -ease * (GEAR_N_M * off + GEAR_N_S_M * (v - share * omega * radius))
-            torque += grip * radius
-            normal = 0.0
-        load = abs(normal) + on_trailing * abs(row[i, 2])
-        drag = (resist * load + fixed + drags[i]) * np.tanh(v / creep)
+            torque += grip * radius + normal * turning[i]
+            # a roller in its seat turns with gear and step: it does not roll, nor do its seals rub
+            normal, still = 0.0, idle
+        load = abs(normal) + row[i, 9]
+        drag = (resist * load + fixed - still + drags[i]) * np.tanh(v / creep)
         out[i] = v
         out[n + i] = (force - drag + grip) / mass
         along += fx[i] * row[i, 6]
