@@ -13,14 +13,14 @@ STRETCH_M = 0.5  # of the neighbours of the lower gear that move with it, less a
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def at(table, length, s):
-    """Return a row of a table over the closed curve."""
+def read(table, length, s, row):
+    """Fill a row from a table over the closed curve."""
     n = table.shape[0] - 1
     place = (s % length) * n / length
-    i = int(place)
-    i = min(i, n - 1)
+    i = min(int(place), n - 1)
     part = place - i
-    return table[i] * (1.0 - part) + table[i + 1] * part
+    for k in range(table.shape[1]):
+        row[k] = table[i, k] * (1.0 - part) + table[i + 1, k] * part
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -51,7 +51,7 @@ def rates(y, t, table, number, drags, lengths, out, seen):
     wx, wz, rise, turning = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     row = np.empty((n, table.shape[1]))
     for i in range(n):
-        row[i] = at(table, length, y[i])
+        read(table, length, y[i], row[i])
         px[i] = row[i, 0] - u * row[i, 6]
         pz[i] = row[i, 1]
         tx[i] = row[i, 2] - u * row[i, 7]
@@ -90,7 +90,7 @@ def rates(y, t, table, number, drags, lengths, out, seen):
         fz[i] += pull * ez
         fx[j] -= pull * ex
         fz[j] -= pull * ez
-    torque, along = 0.0, 0.0
+    torque, along, carried = 0.0, 0.0, m_u
     for i in range(n):
         v = y[n + i]
         force = fx[i] * tx[i] + fz[i] * tz[i] - weight * (row[i, 5] + rise[i] * row[i, 2])
@@ -113,10 +113,16 @@ def rates(y, t, table, number, drags, lengths, out, seen):
         drag = (resist * load + fixed - still + drags[i]) * np.tanh(v / creep)
         out[i] = v
         out[n + i] = (force - drag + grip) / mass
-        along += fx[i] * row[i, 6]
+        # what rides on the lower gear moves with it: m (dv tx - du' share + v^2 bend nx) along x
+        moved = row[i, 6]
+        along += (fx[i] - tx[i] * (force - drag + grip)) * moved
+        along += mass * moved * row[i, 4] * row[i, 3] * v * v
+        carried += mass * moved * moved * (1.0 - tx[i] * tx[i])
     out[2 * n] = du
     net = push - k_u * u - c_u * du - dry * np.tanh(du / 2e-3) - along
-    out[2 * n + 1] = net / m_u
+    out[2 * n + 1] = net / carried
+    for i in range(n):
+        out[n + i] += row[i, 6] * tx[i] * out[2 * n + 1]
     out[2 * n + 2] = share * omega
     seen[2 * n] = torque
 
