@@ -6,8 +6,9 @@ from numba import njit
 import numpy as np
 
 SUB_S = 1e-4
-GEAR_N_M = 1.0e7  # a seat's yield, chosen like that of a tread at a thousand newtons
-GEAR_N_S_M = 2.0e4
+FREE_N_S_M = (
+    2.0e3  # of a roller between two rails: it crosses their play in hundredths of a second
+)
 EASE_M = 0.05
 STRETCH_M = 0.5  # of the neighbours of the lower gear that move with it, less and less
 
@@ -25,10 +26,12 @@ def read(table, length, s, row):
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def rates(y, t, table, number, drags, lengths, out, seen):
-    """Fill the rates of y = [s, v, u, u', gear angle].
+    """Fill the rates of y = [s, v, u, u', gear angle, e]; e is how far rollers are off their curve.
 
-    Columns of ``table``: x, z, cos, sin, bend, height's slope, share that moves with the lower
-    gear and its slope, support that weights ask of the chain's roller and of the trailing one.
+    A tread without mass yields to what links and weight press, by the law of a sphere. Columns of
+    ``table``: x, z, cos, sin, bend, height's slope, share that moves with the lower gear and its
+    slope, support that weights ask of the chain's roller and of the trailing one, offset of the
+    lower face and of the upper one, and their stiffnesses (N/m^1.5).
     ``number`` holds the machine's numbers in the order of `Chain._numbers`.
     """
     n = drags.shape[0]
@@ -44,7 +47,8 @@ def rates(y, t, table, number, drags, lengths, out, seen):
         number[19],
         number[20],
     )
-    eccentric, phase = number[21], number[22]
+    eccentric, phase, seats_n_m = number[21], number[22], number[23]
+    loss, loss_s_m = number[24], number[25]
     u, du, turned = y[2 * n], y[2 * n + 1], y[2 * n + 2]
     share = 0.5 * (1.0 - np.cos(pi * t / ramp)) if t < ramp else 1.0
     px, pz, tx, tz = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -52,10 +56,11 @@ def rates(y, t, table, number, drags, lengths, out, seen):
     row = np.empty((n, table.shape[1]))
     for i in range(n):
         read(table, length, y[i], row[i])
-        px[i] = row[i, 0] - u * row[i, 6]
-        pz[i] = row[i, 1]
-        tx[i] = row[i, 2] - u * row[i, 7]
-        tz[i] = row[i, 3]
+        off_line = y[2 * n + 3 + i]
+        px[i] = row[i, 0] - u * row[i, 6] - off_line * row[i, 3]
+        pz[i] = row[i, 1] + off_line * row[i, 2]
+        tx[i] = (1.0 - off_line * row[i, 4]) * row[i, 2] - u * row[i, 7]
+        tz[i] = (1.0 - off_line * row[i, 4]) * row[i, 3]
         way = (y[i] % length) - begin
         if eccentric != 0.0 and 0.0 <= way < gear:
             # the rim's circle turns about a shaft that is off its centre: the bead rides on it
@@ -70,9 +75,9 @@ def rates(y, t, table, number, drags, lengths, out, seen):
             turning[i] = ease * along
             px[i] -= ease * apart * row[i, 3]
             pz[i] += ease * apart * row[i, 2]
-            stretch = 1.0 - ease * apart * row[i, 4]
-            tx[i] = stretch * row[i, 2] - rise[i] * row[i, 3]
-            tz[i] = stretch * row[i, 3] + rise[i] * row[i, 2]
+            stretch = ease * apart * row[i, 4]
+            tx[i] -= stretch * row[i, 2] + rise[i] * row[i, 3]
+            tz[i] -= stretch * row[i, 3] - rise[i] * row[i, 2]
             wx[i] = -turning[i] * share * omega * row[i, 3]
             wz[i] = turning[i] * share * omega * row[i, 2]
     fx, fz = np.zeros(n), np.zeros(n)
@@ -97,6 +102,12 @@ def rates(y, t, table, number, drags, lengths, out, seen):
         across = fz[i] * row[i, 2] - fx[i] * row[i, 3]
         normal = row[i, 8] - across + heavy * row[i, 4] * v * v
         seen[n + i] = normal
+        pressed = 0.0
+        if y[2 * n + 3 + i] < row[i, 10]:
+            pressed = row[i, 12] * (row[i, 10] - y[2 * n + 3 + i]) ** 1.5
+        elif y[2 * n + 3 + i] > row[i, 11]:
+            pressed = -row[i, 13] * (y[2 * n + 3 + i] - row[i, 11]) ** 1.5
+        out[2 * n + 3 + i] = (pressed - normal) / (FREE_N_S_M + loss_s_m * abs(pressed))
         way = (y[i] % length) - begin
         grip, still = 0.0, 0.0
         if 0.0 <= way < gear:
@@ -105,7 +116,10 @@ def rates(y, t, table, number, drags, lengths, out, seen):
             off -= arc * np.floor(off / arc + 0.5)
             inside = min(way, gear - way)
             ease = 1.0 if inside > EASE_M else inside / EASE_M
-            grip = -ease * (GEAR_N_M * off + GEAR_N_S_M * (v - share * omega * radius))
+            seat = seats_n_m * np.sqrt(abs(off)) * off
+            # eq. (6): the loss follows the speed at which the seat is pressed
+            lost = np.tanh(loss_s_m / loss * (v - share * omega * radius))
+            grip = -ease * (seat + loss * abs(seat) * lost)
             torque += grip * radius + normal * turning[i]
             # a roller in its seat turns with gear and step: it does not roll, nor do its seals rub
             normal, still = 0.0, idle

@@ -197,7 +197,11 @@ def run_out(
     dx, dz = x - segments[k, seg.X], z - segments[k, seg.Z]
     ux, uz, turn = segments[k, seg.UX], segments[k, seg.UZ], segments[k, seg.TURN]
     angle = turn * np.arctan2(dz * ux - dx * uz, dx * ux + dz * uz) + segments[k, seg.HALF]
-    radius, length, reach = segments[k, seg.RADIUS], segments[k, seg.LENGTH], segments[k, seg.SEAT_RAMP]
+    radius, length, reach = (
+        segments[k, seg.RADIUS],
+        segments[k, seg.LENGTH],
+        segments[k, seg.SEAT_RAMP],
+    )
     way = angle * radius
     share, steep = ramp(way, 0.0, length, reach), 0.0
     if 0.0 < share < 1.0:
