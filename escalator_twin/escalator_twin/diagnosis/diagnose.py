@@ -78,7 +78,6 @@ def diagnose_recording(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
-    unproved: bool = False,
 ) -> Diagnosis:
     """Diagnose one recording.
 
@@ -92,19 +91,12 @@ def diagnose_recording(
         Simulations at a time.
     progress : callable, optional
         Gets (done, total).
-    unproved : bool
-        Diagnose machines of free bodies too, whose verdicts are not to be relied on yet.
 
     Raises
     ------
     NotYetError
-        On a machine of free bodies, unless ``unproved``.
+        On a machine of free bodies whose twin's own error was not measured.
     """
-    if isinstance(machine, MultibodyMachine) and not unproved:
-        raise NotYetError(
-            f'diagnose: {machine.name}: not yet for machines of {machine.physics}: of the causes '
-            'hidden in generated recordings none was named (docs/kwon.md)'
-        )
 
     def tell(done: float, total: float) -> None:
         if progress is not None:

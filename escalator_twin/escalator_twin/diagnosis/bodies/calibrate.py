@@ -1,8 +1,9 @@
 """Measure the twin's own error on recordings of good machines of free bodies.
 
-    python -m escalator_twin.diagnosis.bodies.calibrate BAG... --machine M [--out FLOOR.yaml]
+    python -m escalator_twin.diagnosis.bodies.calibrate BAG... --designed BAG... --machine M
 
-The recordings must be of good machines by another program; their truth is not read.
+The recordings must be of good machines by another program; their truth is not read. From those of a
+machine exactly as designed comes what means differ by: tolerances do nothing there.
 """
 
 import argparse
@@ -100,8 +101,10 @@ def _left(place: Beside) -> Floats:
     return np.asarray(difference - np.tensordot(stage.nuisance.columns, sizes, 1))
 
 
-def floor_of(contexts: Sequence[BodyContext], machine: Machine) -> Floor:
-    """Measure the floor on several prepared recordings."""
+def floor_of(
+    contexts: Sequence[BodyContext], machine: Machine, designed: Sequence[BodyContext] = ()
+) -> Floor:
+    """Measure the floor on several prepared recordings, means on those as designed if there are."""
     floor = Floor({}, leans=LEANING)
     for _ in range(PASSES):
         rows: dict[str, list[Seen]] = {}
@@ -110,13 +113,17 @@ def floor_of(contexts: Sequence[BodyContext], machine: Machine) -> Floor:
             speeds.append(context.setting.experiment.set_speed_m_s)
             for channel, row in measure(replace(context, floor=floor)).items():
                 rows.setdefault(channel, []).append(row)
+        exact: dict[str, list[Seen]] = {}
+        for context in designed:
+            for channel, row in measure(replace(context, floor=floor)).items():
+                exact.setdefault(channel, []).append(replace(row, within=0.0))
         speed = round(float(np.mean(speeds)), 3)
         levels = {}
         for channel, found in rows.items():
             sensor = machine.instruments.sensor(channel)
             level = mean_level([seen.level for seen in found])
             if sensor.quantity not in ZEROS:
-                level = replace(level, mean=mean_of(found))
+                level = replace(level, mean=mean_of(exact.get(channel, found)))
             levels[kind_of(sensor)] = {speed: level}
         # means only weigh once all is measured: they must not bend what tolerances explain
         bare = {
@@ -187,6 +194,7 @@ def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('bags', nargs='+', metavar='BAG')
+    parser.add_argument('--designed', nargs='*', metavar='BAG', default=[])
     parser.add_argument('--machine', default='config/machines/kwon.yaml')
     parser.add_argument('--out', type=Path)
     parser.add_argument('--jobs', type=int, default=1)
@@ -195,17 +203,18 @@ def main() -> None:
     assert machine.source is not None
     out = given.out or machine.source.with_name(f'{machine.name}_floor.yaml')
     contexts: list[BodyContext] = []
-    for bag in given.bags:
+    for bag in [*given.bags, *given.designed]:
         recording = bagfile.read(bag, machine)
         known = contexts[0].loops if contexts else None
         contexts.append(prepare(recording, machine, Floor({}), given.jobs, known=known))
         print(bag, flush=True)
-    names = ', '.join(Path(bag).name for bag in given.bags)
+    names = ', '.join(Path(bag).name for bag in [*given.bags, *given.designed])
+    n = len(given.bags)
     text = (
         f'What is left between the twin and generated good machines (synthetic: tests/belt;\n'
         f'# {names}), by escalator_twin.diagnosis.bodies.calibrate.'
     )
-    write_floor(out, floor_of(contexts, machine), text)
+    write_floor(out, floor_of(contexts[:n], machine, contexts[n:]), text)
 
 
 if __name__ == '__main__':
