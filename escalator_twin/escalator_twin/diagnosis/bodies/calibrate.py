@@ -123,7 +123,12 @@ def floor_of(
             sensor = machine.instruments.sensor(channel)
             level = mean_level([seen.level for seen in found])
             if sensor.quantity not in ZEROS:
-                level = replace(level, mean=mean_of(exact.get(channel, found)))
+                more = exact.get(channel, [])
+                if not more or max(seen.within for seen in found) < sensor.noise * abs(
+                    sensor.scale
+                ):
+                    more = [*found, *more]  # tolerances do nothing to it in any machine
+                level = replace(level, mean=mean_of(more))
             levels[kind_of(sensor)] = {speed: level}
         # means only weigh once all is measured: they must not bend what tolerances explain
         bare = {

@@ -53,7 +53,7 @@ class Pitches:
         Columns of all axles' path coordinates.
     pitches : int
         In a period, counted along the travel.
-    period_s, length_m : float
+    period_s, length_m, step_s : float
     """
 
     rows: Floats
@@ -62,11 +62,13 @@ class Pitches:
     pitches: int
     period_s: float
     length_m: float
+    step_s: float
 
     def trace(self, sensors: tuple[Sensor, ...], duration_s: float, rate_hz: float) -> Trace:
         """Return what sensors record for a while, each row a mean over its interval."""
         n, count = len(self.places), round(FINE_HZ / rate_hz)
-        samples = int(np.ceil(duration_s * rate_hz - 1e-6))
+        # as many as a simulation of whole steps records
+        samples = -(-round(duration_s / self.step_s) // round(1.0 / (rate_hz * self.step_s)))
         times = np.arange(samples * count) / FINE_HZ
         seen = np.empty((len(times), len(sensors)))
         place = np.empty(len(times))
@@ -144,4 +146,5 @@ def record_pitches(
     rows[:, : len(scales)] *= np.array(scales)
     direction = 1 if simulation.speed_m_s > 0.0 else -1
     length = simulation.path.length_m
-    return Pitches(rows, columns, places, direction * pitches, period, length)
+    step = simulation.step_s
+    return Pitches(rows, columns, places, direction * pitches, period, length, step)
