@@ -34,12 +34,13 @@ pytestmark = pytest.mark.issue(8)
 
 KWON = kwons.MACHINES / 'kwon.yaml'
 DURATION_S = 25.0
-GOOD = (110, 111)  # the floor is of seeds 100 to 105
+GOOD = (110,)  # the floor is of seeds 100 to 105
 # cause, what is hidden of it, number that tells its size, seed, relative error allowed
 HIDDEN = {
     'rolling_resistance': ({'rolling_resistance': 1.6}, 'factor', 311, 0.25),
     'gear_eccentricity': ({'gear_eccentricity': 1e-3}, 'amplitude_m', 303, 0.25),
     'tensioner_friction': ({'tensioner_friction': 150.0}, 'force_N', 305, 0.25),
+    'handrail_drag': ({'handrail_drag': 150.0}, 'force_N', 304, 0.35),
 }
 
 
