@@ -120,7 +120,8 @@ def record_pitches(
     """
     machine, n = simulation.machine, simulation.machine.chain.n_links
     columns: dict[tuple[str, int], int] = {}
-    probes, scales = [], []
+    probes: list[tuple[int, int, int]] = []
+    scales: list[float] = []
     for sensor in sensors:
         key, name = index_key(sensor), kind_of_place(sensor)
         for index in range(n) if key else (-1,):

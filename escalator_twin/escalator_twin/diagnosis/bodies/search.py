@@ -170,8 +170,8 @@ def bounded_chi2(fitted: Fitted, names: Sequence[str], knobs: Sequence[str]) -> 
             return rest.chi2 + sum(size**2 for size in held.values())
         held.update({k: float(np.copysign(LARGEST, size)) for k, size in beyond_it.items()})
         free = [k for k in range(len(names)) if k not in held]
-        taken = sum(size * fitted.columns[:, k] for k, size in held.items())
-        rest = fit(fitted.white - taken.astype(np.float32), fitted.columns[:, free])
+        taken = fitted.columns[:, list(held)] @ np.array(list(held.values()), np.float32)
+        rest = fit(fitted.white - taken, fitted.columns[:, free])
 
 
 def within(place: Beside, effects: Sequence[Proposal]) -> dict[str, float]:
