@@ -68,8 +68,8 @@ floor: setup
 	@exec tools/floor.sh
 
 # The twin's own error on good machines of the second kind, drawn by its generator.
-# make kwon-floor [N=3] [SEED=100] [OUT=DIR] [JOBS=1]
-kwon-floor: N = 3
+# make kwon-floor [N=6] [SEED=100] [OUT=DIR] [JOBS=1]
+kwon-floor: N = 6
 kwon-floor: SEED = 100
 kwon-floor: OUT = out/kwon_good
 kwon-floor: setup
@@ -79,13 +79,21 @@ kwon-floor: setup
 	for ((i = 0; i < $(N); i++)); do
 	    bag="$$out/machine_$$(( $(SEED) + i ))"
 	    if [[ ! -d $$bag ]]; then
-	        ../.venv/bin/python -m belt "$$bag" seed=$$(( $(SEED) + i )) duration=30
+	        ../.venv/bin/python -m belt "$$bag" seed=$$(( $(SEED) + i )) duration=25
 	    fi
 	    bags+=("$$bag")
 	done
+	designed=()
+	for i in 1 2 3; do
+	    bag="$$out/designed_$$i"
+	    if [[ ! -d $$bag ]]; then
+	        ../.venv/bin/python -m belt "$$bag" instruments=$$i duration=25
+	    fi
+	    designed+=("$$bag")
+	done
 	cd ..
 	exec .venv/bin/python -m escalator_twin.diagnosis.bodies.calibrate "$${bags[@]}" \
-	    --machine config/machines/kwon.yaml --jobs $(JOBS)
+	    --designed "$${designed[@]}" --machine config/machines/kwon.yaml --jobs $(JOBS)
 
 # Hidden causes against the verdicts of `diagnose`; hours at N=5, which is what issue 6 asks for.
 # make bench-diagnosis SEED=9001 [N=5] [OUT=DIR] [JOBS=1] [DIAGNOSIS_ARGS='--causes roller_drag']

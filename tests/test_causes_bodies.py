@@ -12,6 +12,7 @@ from escalator_twin.errors import MachineError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.multibody import loop
 from escalator_twin.physics.multibody.layout import lay_out, slack_m
+from escalator_twin.physics.multibody.segments import LENGTH, START
 from escalator_twin.physics.multibody.simulation import MultibodySimulation
 
 pytestmark = pytest.mark.issue(8)
@@ -122,6 +123,30 @@ def test_a_dragging_roller_takes_its_force_from_the_chain():
     assert step == pytest.approx(120.0, rel=0.05)
 
 
+def test_a_roller_that_drags_on_the_lower_gear_pulls_at_its_carriage_too():
+    """What it runs on is carried by the carriage: both strands together stay what they were."""
+    probes = [(loop.LINK_TENSION, i, 0) for i in range(58)]
+    probes += [(loop.POINT_PLACE, i, 0) for i in range(58)]
+    track = plain(('steps',)).steps.chain
+    start, end = (track.rows[8, column] for column in (START, LENGTH))
+
+    def strands(layout):
+        record = run(layout, probes)
+        tension, place = record[:, :58], record[:, 58:]
+        here = (place[:, 47] - start) % track.length_m < end
+        low = (place - start + 0.9) % track.length_m < 0.45  # links before the gear, by hind ends
+        high = (place - start - end) % track.length_m < 0.45  # behind it
+        return [np.where(rows, tension, np.nan)[here] for rows in (low, high)]
+
+    before = [np.nanmean(v) for v in strands(plain(('steps',)))]
+    place = {'axle': 47, 'side': 'both'}
+    dragging = apply(SOME, (Deviation('roller_drag', {'force_N': 120.0}, place),))
+    after = [np.nanmean(v) for v in strands(layout_of(dragging))]
+    gained = np.array(after) - np.array(before)
+    assert gained[1] - gained[0] == pytest.approx(120.0, rel=0.1)
+    assert gained.sum() == pytest.approx(0.0, abs=12.0)
+
+
 def test_a_dragging_handrail_asks_its_pulley_for_the_force():
     probes = [(loop.TORQUE, 0, 0)]
     before = run(plain(('handrail',)), probes).mean()
@@ -145,6 +170,25 @@ def test_an_eccentric_gear_shakes_the_chain_once_per_turn():
     # the seat that leads meets the chain at the same place of the gear: half of it at least shows
     plainly = wave(plain(('steps',)))
     assert max(0.5e-3, 4.0 * plainly) < wave(eccentric) < 4e-3
+
+
+def test_the_carriage_follows_an_eccentric_gear():
+    """A gear that moves by d takes up d (t_in + t_out) / 2 of slack; both strands lead away from it.
+
+    One is level, the other falls by 25.9 deg: cos(25.9 deg / 2) of the amplitude at most.
+    """
+    turn_s = 2.0 * np.pi / plain(('steps',)).network.rotor[0, 0]
+    eccentric = layout_of(deviated('gear_eccentricity', amplitude_m=1e-3))
+    way = run(eccentric, [(loop.PART_WAY, 0, 0)], turn_s)[:, 0]
+    wave = 2.0 * np.abs(np.fft.rfft(way - way.mean())[1]) / len(way)
+    assert wave == pytest.approx(np.cos(np.deg2rad(25.9) / 2.0) * 1e-3, rel=0.1)
+
+
+def test_rollers_that_roll_freely_ask_for_next_to_nothing():
+    """Power has one source: what contacts and links lose is all that the gear must give."""
+    roller = replace(SOME.roller, rolling_resistance=0.0, seal_drag_n=0.0, viscous_drag_n_s_m=0.0)
+    layout = layout_of(replace(SOME, roller=roller))
+    assert 0.0 < run(layout, [(loop.TORQUE, 0, 0)]).mean() < 5.0
 
 
 def test_preload_moves_the_slack_by_half_of_itself_less_the_springs():

@@ -1,7 +1,7 @@
 """``python -m belt OUT [CAUSE=SIZE...]``, from ``tests/``: one recording of the second machine.
 
-As designed, or with ``seed=N`` a machine drawn within its tolerances, whose truth goes to
-``OUT/../truth/NAME.json``; ``duration=S`` sets its length.
+As designed, its instruments' errors by ``instruments=N``; or with ``seed=N`` a machine drawn within
+its tolerances, whose truth goes to ``OUT/../truth/NAME.json``. ``duration=S`` sets its length.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ def main():
     hidden, given = {}, {}
     for item in sys.argv[2:]:
         name, _, size = item.partition('=')
-        if name in ('seed', 'duration'):
+        if name in ('seed', 'duration', 'instruments'):
             given[name] = float(size)
             continue
         if name not in (*CAUSES, 'roller_drag_axle', *FAULTS):
@@ -32,7 +32,8 @@ def main():
         truth = out.parent / 'truth' / f'{out.name}.json'
         hide(out, truth, DEFAULT, int(given['seed']), hidden, duration)
     else:
-        make_recording(out, read_sheet(DEFAULT), START_M, duration, SEED, hidden)
+        seed = int(given.get('instruments', SEED))
+        make_recording(out, read_sheet(DEFAULT), START_M, duration, seed, hidden)
     return 0
 
 

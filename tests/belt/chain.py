@@ -71,6 +71,20 @@ class Chain:
         )  # fmt: skip
         height = self.masses[0] * curve.z + self.masses[1] * cz + self.masses[2] * bz
         self.height_slope = np.gradient(height, grid) / sum(self.masses)
+        heading = np.interp(back % trailing.length, own, trailing.heading)
+        self._supports((cx, cz), (bx, bz), heading)
+
+    def _supports(self, centre, behind, heading):
+        """Tabulate what weights ask of both rails: the step in balance about its axle."""
+        x, z, g = self.curve.x, self.curve.z, numeric(self.sheet['gravity_m_s2'])
+        arm = behind[0] - x, behind[1] - z
+        nx, nz = -np.sin(heading), np.cos(heading)
+        tips = self.masses[1] * g * (centre[0] - x) + self.masses[2] * g * arm[0]
+        push = tips / (arm[0] * nz - arm[1] * nx)
+        a = self.curve.heading
+        down = sum(self.masses) * g - push * nz
+        self.on_chain = down * np.cos(a) + push * nx * np.sin(a)
+        self.on_trailing = np.abs(push)
 
     def _numbers(self):
         """Collect what the equations of motion read; see `motion.rates`."""
@@ -87,7 +101,7 @@ class Chain:
         slope = np.gradient(moves, self.grid)
         self.table = np.column_stack([
             curve.x, curve.z, np.cos(curve.heading), np.sin(curve.heading), curve.bend,
-            self.height_slope, moves, slope,
+            self.height_slope, moves, slope, self.on_chain, self.on_trailing, *self._faces(),
         ])  # fmt: skip
         total, step = sum(self.masses), self.masses[1]
         spin = 4 * 0.5 * numeric(roller['mass_kg'])
@@ -97,21 +111,51 @@ class Chain:
         fixed = 4.0 * (
             numeric(roller['seal_drag_n']) + numeric(roller['viscous_drag_n_s_m']) * self.speed
         )
+        kept = numeric(sheet['contact']['gear']['restitution']) ** 2
+        loss, slow_m_s = (
+            (1.0 - kept) / (1.0 + kept),
+            numeric(sheet['contact']['gear']['normal_speed_m_s']),
+        )
         self.number = np.array([
             curve.length, total + spin, 2.0 * numeric(chain['link_stiffness_n_m']),
             2.0 * numeric(chain['link_damping_n_s_m']), total * g, resist, fixed,
-            numeric(roller['creep_speed_m_s']), (self.masses[0] + 0.5 * step) * g,
-            (self.masses[2] + 0.5 * step) * g, curve.ends[5], curve.ends[6] - curve.ends[5],
+            numeric(roller['creep_speed_m_s']), 0.5 * fixed, self.masses[0] + 0.5 * step,
+            curve.ends[5], curve.ends[6] - curve.ends[5],
             radius, 2.0 * pi * radius / seats, 2.0 * pi * self.speed / (seats * self.pitch),
             numeric(tensioner['mass_kg']), numeric(tensioner['stiffness_n_m']),
             numeric(tensioner['damping_n_s_m']),
             numeric(sheet['experiment']['preload_n']) * hidden.get('tensioner_preload', 1.0),
             numeric(tensioner['dry_friction_n']) + hidden.get('tensioner_friction', 0.0), RAMP_S,
             hidden.get('gear_eccentricity', 0.0), hidden.get('gear_phase', 0.0),
+            2.0 * 0.733 * numeric(sheet['contact']['gear']['elastic_modulus_pa'])
+            * (0.5 * numeric(roller['diameter_m'])) ** 0.5, loss, 2.5 * loss / slow_m_s,
         ])  # fmt: skip
         self.drags = np.zeros(self.n)
         self.drags[int(hidden.get('roller_drag_axle', 0))] = hidden.get('roller_drag', 0.0)
         self.lengths = np.full(self.n, self.pitch + hidden.get('chain_elongation', 0.0))
+
+    def _faces(self):
+        """Return offsets of both faces from the curve, m, and eq. (5) of both, two rollers each.
+
+        The play of the channel is above the roller, but below it where the return run is straight;
+        a gear has no upper face.
+        """
+        curve, sheet = self.curve, self.sheet
+        play = numeric(sheet['guide']['channel_clearance_m'])
+        radius = 0.5 * numeric(sheet['roller']['diameter_m'])
+        piece = np.clip(np.searchsorted(curve.ends, self.grid, side='right') - 1, 0, 8)
+        part = (self.grid - np.array(curve.ends)[piece]) / np.diff(curve.ends)[piece]
+        low = np.where(piece == 6, -play * part, 0.0)
+        low = np.where(piece == 7, -play * (1.0 - part), low)
+        high = np.where(piece == 5, 1.0, low + play)
+        high = np.where(piece == 8, 1.0, high)
+        modulus = numeric(sheet['contact']['tread']['elastic_modulus_pa'])
+        # of the faces themselves, a roller's radius off the curve of its centre; a right turn bulges
+        below = -curve.bend / (1.0 + curve.bend * radius)
+        above = curve.bend / (1.0 - curve.bend * radius)
+        stiff = [2.0 * 0.733 * modulus / np.sqrt(np.maximum(1.0 / radius + bulge, 1e-3))
+                 for bulge in (below, above)]  # fmt: skip
+        return low, high, *stiff
 
     def begin(self, start_m):
         """Return the state with axle 0 at a place, at rest, links about as long as they are."""
@@ -126,7 +170,7 @@ class Chain:
                 ahead += self.pitch - float(np.hypot(there[0] - here[0], there[1] - here[1]))
             s[i + 1] = ahead
         s = start_m + (s[:-1] - start_m) * self.curve.length / (s[-1] - start_m)
-        y = np.zeros(2 * self.n + 3)
+        y = np.zeros(3 * self.n + 3)
         y[: self.n] = s
         way = (s - self.number[10]) % self.curve.length
         middle = way[np.argmin(np.abs(way - 0.5 * self.number[11]))]

@@ -5,12 +5,13 @@ Law
 Rim and seats stand on a circle whose centre is ``amplitude_m`` off the shaft: at an angle a along
 the sense of motion from where the chain meets the gear, with the gear turned by w, the rim stands
 out by amplitude_m cos(a - w + phase_rad) and the seats are shifted along by
--amplitude_m sin(a - w + phase_rad). The chain's speed waves once per turn of the gear.
+-amplitude_m sin(a - w + phase_rad). The chain's speed waves once per turn of the gear, and the
+carriage follows what the chain takes up. The torque has what the rim's push does about the shaft.
 
 Limits
 ------
-Of the driven upper gear; the lower one slides and does not turn. The shaft's own torque is
-taken at the design radius.
+Of the driven upper gear; the lower one slides and does not turn. Rail and rim hand a roller over
+along the ramp along which flanks engage.
 
 Alike
 -----

@@ -78,7 +78,6 @@ def diagnose_recording(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
-    unproved: bool = False,
 ) -> Diagnosis:
     """Diagnose one recording.
 
@@ -92,19 +91,12 @@ def diagnose_recording(
         Simulations at a time.
     progress : callable, optional
         Gets (done, total).
-    unproved : bool
-        Diagnose machines of free bodies too, whose verdicts are not to be relied on yet.
 
     Raises
     ------
     NotYetError
-        On a machine of free bodies, unless ``unproved``.
+        On a machine of free bodies whose twin's own error was not measured.
     """
-    if isinstance(machine, MultibodyMachine) and not unproved:
-        raise NotYetError(
-            f'diagnose: {machine.name}: not yet for machines of {machine.physics}: of the causes '
-            'hidden in generated recordings none was named (docs/kwon.md)'
-        )
 
     def tell(done: float, total: float) -> None:
         if progress is not None:
@@ -119,7 +111,7 @@ def diagnose_recording(
     faults = tuple(faults_of(context.setting, machine))
     before = bench.bare(walked.before, [found.proposal for found in walked.found])
     rest = look(context, before, walked.after)
-    named, held = settle(context, walked, rest, seed)
+    named, held = settle(context, walked, rest, seed, bench)
     if progress is not None:
         progress(STAGES, STAGES)
     effects = [told(found, p) for found, p in named if p >= NAMED]
@@ -157,7 +149,7 @@ def _placed(
 
 
 def settle(
-    context: Context, walked: Walked, rest: Unexplained, seed: int
+    context: Context, walked: Walked, rest: Unexplained, seed: int, bench: Bench = LINKED
 ) -> tuple[list[tuple[Found, float]], HeldOut | None]:
     """Decide which effects are named, by what they explain and by what they gain held out.
 
@@ -169,7 +161,8 @@ def settle(
     if not walked.found:
         return [], None
     effects = [f.proposal for f in walked.found]
-    held = hold_out(context, walked.after, effects, seed, walked.before.stage.turned)
+    start = bench.begin(walked.before, effects)
+    held = hold_out(context, walked.after, effects, seed, start)
     factor = 1.0
     if rest.significant and rest.explained < 1.0:
         # what stays open speaks against the names, the more of it the more

@@ -193,9 +193,9 @@ def _seen(
         # of the wrong sign it is no gain, however well it fits
         size = 1.0 if sizes_known else max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
         again = fit(white - size * one[:, 0], columns)
-        left = before - np.tensordot(stage.nuisance.columns, alone.sizes, 1)
+        left = before - np.tensordot(stage.nuisance.columns, stage.allowed(alone.sizes), 1)
         better = residual - size * change
-        better = better - np.tensordot(stage.nuisance.columns, again.sizes, 1)
+        better = better - np.tensordot(stage.nuisance.columns, stage.allowed(again.sizes), 1)
         seen += [(slice(*block), left, better) for block in blocks]
     return seen
 

@@ -96,6 +96,10 @@ class Stage:
         )
         return on_grid(trace, speed, self.observation, columns, shift)
 
+    def allowed(self, sizes: Floats) -> Floats:
+        """Return sizes of the nuisance, (q,), as held-out samples may be explained by them."""
+        return sizes
+
     def residual(self, model: Floats) -> Floats:
         """Return measured less simulated, means removed, (n, c)."""
         difference = self.observation.measured - model

@@ -1,6 +1,6 @@
 """The walk from a placed recording to its effects: search, simulate, weigh, accept, again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from escalator_twin.diagnosis.afar import look_afar
@@ -104,6 +104,9 @@ class Bench:
         Takes a comparison and effects; returns the one that they are judged against.
     decide : callable
         See `decide_between`.
+    begin : callable
+        Takes a comparison and effects; returns the tolerances, standard deviations, from which
+        what the effects gain is counted.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
@@ -111,6 +114,7 @@ class Bench:
     tuned: Callable[..., tuple[Context, Beside]]
     bare: Callable[[Beside, Sequence[Proposal]], Beside]
     decide: Callable[[Context, Proposal, Proposal | None], Further | None]
+    begin: Callable[[Beside, Sequence[Proposal]], Mapping[str, float]]
 
 
 def walk(
@@ -274,4 +278,9 @@ def as_it_is(place: Beside, _: Sequence[Proposal]) -> Beside:
     return place
 
 
-LINKED = Bench(propose, try_all, tuned, as_it_is, decide_between)
+def as_tuned(place: Beside, _: Sequence[Proposal]) -> Mapping[str, float]:
+    """Return the tolerances as they were tuned."""
+    return place.stage.turned
+
+
+LINKED = Bench(propose, try_all, tuned, as_it_is, decide_between, as_tuned)

@@ -8,7 +8,8 @@ turn 1/R (positive to the left), drag per metre d(N) of the support N:
 A step's weight is not on the chain's line: z is that of all that rides with an axle at s.
 
 In a bend of radius R, bodies a length L apart are a polygon: their links pull by 1/cos(x) harder
-than the rope does, x = L / 2R, and press T L/R tan(x)/x on a body. The driven arc gives back what its two ends differ by; power is force times speed there and torque
+than the rope does, x = L / 2R, and press T L/R tan(x)/x on a body. Where a bend of short radius begins,
+a body on the straight is pressed by the link ahead of it already, see `kinks`. The driven arc gives back what its two ends differ by; power is force times speed there and torque
 times angular speed at the shaft. Bodies, links, contacts, rollers' spin and impacts are left out.
 """
 
@@ -29,15 +30,17 @@ from escalator_twin.physics.multibody.guide import (
 )
 from escalator_twin.physics.multibody.layout import slack_m
 from escalator_twin.physics.multibody.rail import POINT_SHARE
-from escalator_twin.physics.multibody.segments import place_on
+from escalator_twin.physics.multibody.segments import next_at, place_on
 from escalator_twin.physics.multibody.steps import place_steps, step_part, StepPart
 from escalator_twin.signals import Experiment, Floats
 
 STEP_M = 2e-3
 HEIGHT_M = 1e-2  # grid of heights
+KINK_M = 1e-2  # grid of links' angles
 ROUNDS = 60
 
-Drag = Callable[[float, float, float, int], float]  # of tension, t_x, turn, segment
+# of place, tension, t_x, turn, segment
+Drag = Callable[[float, float, float, float, int], float]
 Rise = Callable[[float], float]  # of path coordinate: weight times slope, N/m
 
 
@@ -45,6 +48,28 @@ def polygon(bend: float, length_m: float) -> float:
     """Return by how much more links of a length press into a bend than a rope does."""
     x = 0.5 * length_m * abs(bend)
     return tan(x) / x if x > 0.0 else 1.0
+
+
+def kinks(track: Track, length_m: float) -> Callable[[float], float]:
+    """Return, for path coordinates, how links press to the left per tension and length, 1/m.
+
+    A body between two straight links, each of which pulls along the path by the tension: with unit
+    vectors e to the bodies ahead and behind, tangent t and left normal n it is the sum of
+    (n e) / |t e|, over the length of a link.
+    """
+    s = np.linspace(0.0, track.length_m, round(track.length_m / KINK_M), endpoint=False)
+    rows, length = track.rows, track.length_m
+    ahead = np.array([next_at(rows, length, x, length_m) for x in s])
+    order = np.argsort(ahead % length)
+    behind = np.interp(s, (ahead % length)[order], (s - ahead)[order], period=length) + s
+    total = np.zeros(len(s))
+    for ends in (ahead, behind):
+        for i, (x, y) in enumerate(zip(s, ends, strict=True)):
+            px, pz, tx, tz = place_on(rows, length, x)
+            qx, qz, _, _ = place_on(rows, length, y % length)
+            along = (qx - px) * tx + (qz - pz) * tz
+            total[i] += ((qz - pz) * tx - (qx - px) * tz) / abs(along)
+    return lambda where: float(np.interp(where, s, total / length_m, period=length))
 
 
 @dataclass(frozen=True)
@@ -94,7 +119,7 @@ def march(
         bend = 0.0
         if track.rows[k, seg.TURN] != 0.0:
             bend = track.rows[k, seg.TURN] / track.rows[k, seg.RADIUS]
-        return rise(here) + law(pull, tx, bend, k)
+        return rise(here) + law(here, pull, tx, bend, k)
 
     for i in range(n):
         half = tension[i] + 0.5 * h * rate(s[i] + 1e-9, tension[i], drag)
@@ -125,13 +150,14 @@ def step_rope(machine: MultibodyMachine, experiment: Experiment) -> Rope:
     fades = roller.friction_rise * np.exp(-speed / roller.friction_speed_m_s)
     resistance = roller.rolling_resistance * (1.0 + fades)
     driven = STEP_SEGMENTS.index('upper gear')
+    kink = kinks(track, pitch)
 
-    def idle(_t: float, tx: float, _b: float, _k: int) -> float:
+    def idle(_s: float, _t: float, tx: float, _b: float, _k: int) -> float:
         return resistance * trailing_w * abs(tx) + fixed
 
-    def drag(pull: float, tx: float, bend: float, k: int) -> float:
-        support = abs(chain_w * tx - bend * pull * polygon(bend, pitch))
-        return resistance * support + fixed + idle(pull, tx, bend, k)
+    def drag(s: float, pull: float, tx: float, bend: float, k: int) -> float:
+        support = abs(chain_w * tx - kink(s) * pull)
+        return resistance * support + fixed + idle(s, pull, tx, bend, k)
 
     rise = _step_rise(machine, part)
     slack, spring = 0.5 * float(experiment.preload_n), machine.tensioner
@@ -199,14 +225,14 @@ def handrail_rope(machine: MultibodyMachine, mean_n: float) -> Rope:
 
     spacing = track.length_m / handrail.n_bodies
 
-    def idle(_p: float, _x: float, bend: float, k: int) -> float:
+    def idle(_s: float, _p: float, _x: float, bend: float, k: int) -> float:
         # a bend costs the moment of its angle, in and out. Stiffness takes from one of a body's
         # points what it gives to the other, as long as tension presses both
         return 2.0 * handrail.bending_drag_n_m * abs(bend) / float(track.rows[k, seg.LENGTH])
 
-    def drag(pull: float, tx: float, bend: float, k: int) -> float:
+    def drag(s: float, pull: float, tx: float, bend: float, k: int) -> float:
         support = abs(weight * tx - bend * pull * polygon(bend, spacing))
-        return friction[k] * support + idle(pull, tx, bend, k)
+        return friction[k] * support + idle(s, pull, tx, bend, k)
 
     slack = mean_n
     for _ in range(ROUNDS):

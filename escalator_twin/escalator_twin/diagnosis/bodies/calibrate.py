@@ -1,13 +1,14 @@
 """Measure the twin's own error on recordings of good machines of free bodies.
 
-    python -m escalator_twin.diagnosis.bodies.calibrate BAG... --machine M [--out FLOOR.yaml]
+    python -m escalator_twin.diagnosis.bodies.calibrate BAG... --designed BAG... --machine M
 
-The recordings must be of good machines by another program; their truth is not read.
+The recordings must be of good machines by another program; their truth is not read. From those of a
+machine exactly as designed comes what means differ by: tolerances do nothing there.
 """
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -44,11 +45,28 @@ PASSES = 3  # each weighs by the floor of the one before
 # stiffer carriage does nearly the same. How far the twin is off by that is measured with a wide prior.
 LEANING = {'chain_elongation': 1e-3, 'tensioner_stiffness': 0.3}
 WARMINGS = 6  # until the temperature reproduces itself
-Rows = list[tuple[Level, float]]
 
 
-def measure(context: BodyContext) -> dict[str, tuple[Level, float]]:
-    """Return every channel's level, and what its mean is above the twin's, in one recording."""
+@dataclass(frozen=True)
+class Seen:
+    """One channel of one good machine.
+
+    Attributes
+    ----------
+    level : Level
+    above : float
+        What its mean is above that of the machine as described, SI.
+    within : float
+        One standard deviation of that by the tolerances alone.
+    """
+
+    level: Level
+    above: float
+    within: float
+
+
+def measure(context: BodyContext) -> dict[str, Seen]:
+    """Return what every channel is beside the twin's in one recording."""
     place = aligned(context, context.machine, context.base)
     stage, observation = place.stage, place.stage.observation
     rate, n = observation.frame.rate_hz, len(observation.index)
@@ -56,6 +74,11 @@ def measure(context: BodyContext) -> dict[str, tuple[Level, float]]:
     left = _left(place)
     count = np.maximum(observation.valid.sum(axis=0), 1)
     means = np.where(observation.valid, left, 0.0).sum(axis=0) / count
+    knobs = np.isin(stage.nuisance.names, list(context.knobs))
+    columns = np.where(observation.valid[:, :, None], stage.nuisance.columns, 0.0)[:, :, knobs]
+    turns = columns.sum(axis=0) / count[:, None]
+    above = means + turns @ place.fitted.sizes[knobs]
+    within = np.sqrt(np.sum(turns**2, axis=1))
     waves = stage.whiten((left - means)[:, :, None])
     weight = np.where(stage.whiten.weight > 0.0, stage.whiten.weight, np.inf)
     coefficients = waves.reshape(len(weight), -1) / weight
@@ -64,7 +87,8 @@ def measure(context: BodyContext) -> dict[str, tuple[Level, float]]:
         sensor = context.machine.instruments.sensor(channel)
         own = sensor_variance(sensor, rate)
         white = coefficients[:, k].astype(np.float64) / own**0.5
-        found[channel] = measure_level(white, orders, own, n), float(means[k])
+        level = measure_level(white, orders, own, n)
+        found[channel] = Seen(level, float(above[k]), float(within[k]))
     return found
 
 
@@ -77,23 +101,34 @@ def _left(place: Beside) -> Floats:
     return np.asarray(difference - np.tensordot(stage.nuisance.columns, sizes, 1))
 
 
-def floor_of(contexts: Sequence[BodyContext], machine: Machine) -> Floor:
-    """Measure the floor on several prepared recordings."""
+def floor_of(
+    contexts: Sequence[BodyContext], machine: Machine, designed: Sequence[BodyContext] = ()
+) -> Floor:
+    """Measure the floor on several prepared recordings, means on those as designed if there are."""
     floor = Floor({}, leans=LEANING)
     for _ in range(PASSES):
-        rows: dict[str, Rows] = {}
+        rows: dict[str, list[Seen]] = {}
         speeds = []
         for context in contexts:
             speeds.append(context.setting.experiment.set_speed_m_s)
             for channel, row in measure(replace(context, floor=floor)).items():
                 rows.setdefault(channel, []).append(row)
+        exact: dict[str, list[Seen]] = {}
+        for context in designed:
+            for channel, row in measure(replace(context, floor=floor)).items():
+                exact.setdefault(channel, []).append(replace(row, within=0.0))
         speed = round(float(np.mean(speeds)), 3)
         levels = {}
         for channel, found in rows.items():
             sensor = machine.instruments.sensor(channel)
-            level = mean_level([level for level, _ in found])
+            level = mean_level([seen.level for seen in found])
             if sensor.quantity not in ZEROS:
-                level = replace(level, mean=_mean([mean for _, mean in found]))
+                more = exact.get(channel, [])
+                if not more or max(seen.within for seen in found) < sensor.noise * abs(
+                    sensor.scale
+                ):
+                    more = [*found, *more]  # tolerances do nothing to it in any machine
+                level = replace(level, mean=mean_of(more))
             levels[kind_of(sensor)] = {speed: level}
         # means only weigh once all is measured: they must not bend what tolerances explain
         bare = {
@@ -147,17 +182,24 @@ def false_fall(proposals: Sequence[Proposal]) -> float:
     return max(p.gain for p in false) / float(chi2.ppf(0.5 ** (1.0 / columns), 1))
 
 
-def _mean(means: Sequence[float]) -> tuple[float, float]:
-    """Return mean and scatter of a further machine's mean, the mean's own doubt in it."""
-    n = len(means)
-    scatter = float(np.std(means, ddof=1)) if n > 1 else abs(means[0])
-    return float(np.mean(means)), scatter * (1.0 + 1.0 / n) ** 0.5
+def mean_of(rows: Sequence[Seen]) -> tuple[float, float]:
+    """Return what a channel's mean is above the twin's, and a further machine's scatter about it.
+
+    What tolerances do to it is none of that scatter: they are nuisance by themselves. But the mean of a
+    few machines is as unsure as they let it be.
+    """
+    n, above = len(rows), np.array([row.above for row in rows])
+    own = float(np.mean([row.within**2 for row in rows]))
+    whole = float(np.var(above, ddof=1)) if n > 1 else float(above[0] ** 2)
+    whole = max(whole, own)
+    return float(above.mean()), float(np.sqrt(whole - own + whole / n))
 
 
 def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('bags', nargs='+', metavar='BAG')
+    parser.add_argument('--designed', nargs='*', metavar='BAG', default=[])
     parser.add_argument('--machine', default='config/machines/kwon.yaml')
     parser.add_argument('--out', type=Path)
     parser.add_argument('--jobs', type=int, default=1)
@@ -165,17 +207,19 @@ def main() -> None:
     machine = load_machine(given.machine)
     assert machine.source is not None
     out = given.out or machine.source.with_name(f'{machine.name}_floor.yaml')
-    contexts = []
-    for bag in given.bags:
+    contexts: list[BodyContext] = []
+    for bag in [*given.bags, *given.designed]:
         recording = bagfile.read(bag, machine)
-        contexts.append(prepare(recording, machine, Floor({}), given.jobs))
+        known = contexts[0].loops if contexts else None
+        contexts.append(prepare(recording, machine, Floor({}), given.jobs, known=known))
         print(bag, flush=True)
-    names = ', '.join(Path(bag).name for bag in given.bags)
+    names = ', '.join(Path(bag).name for bag in [*given.bags, *given.designed])
+    n = len(given.bags)
     text = (
         f'What is left between the twin and generated good machines (synthetic: tests/belt;\n'
         f'# {names}), by escalator_twin.diagnosis.bodies.calibrate.'
     )
-    write_floor(out, floor_of(contexts, machine), text)
+    write_floor(out, floor_of(contexts[:n], machine, contexts[n:]), text)
 
 
 if __name__ == '__main__':

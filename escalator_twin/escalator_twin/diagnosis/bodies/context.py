@@ -79,6 +79,8 @@ class BodyContext(Context):
     whole : mapping of name in ``WHOLE`` to Trace
     places : mapping of cause in ``PLACES`` to (n_loop, k) float32
         Change per unit of size, the cause at index 0.
+    loops : mapping of cause, or '' for none, to Everywhere
+        The runs that these come from.
     blocks : mapping of channel to slice
         Columns of ``places``.
     """
@@ -88,6 +90,7 @@ class BodyContext(Context):
     knobs: Mapping[str, Trace]
     whole: Mapping[str, Trace]
     places: Mapping[str, np.ndarray]
+    loops: Mapping[str, Everywhere]
     blocks: dict[str, slice]
 
 
@@ -98,6 +101,7 @@ def prepare(
     jobs: int = 1,
     progress: Progress | None = None,
     causes: bool = True,
+    known: Mapping[str, Everywhere] | None = None,
 ) -> BodyContext:
     """Place a recording and run every tolerance, and every cause, once.
 
@@ -112,6 +116,8 @@ def prepare(
         Gets (done, total) in simulations.
     causes : bool
         Otherwise only what tolerances do.
+    known : mapping of cause to Everywhere, optional
+        ``loops`` of another recording at about the same speed: along travel they are alike.
 
     Raises
     ------
@@ -128,7 +134,12 @@ def prepare(
     setting = locate(recording, machine, make_loop=make_loop)
     frame = Frame.of(machine, loops[-1].speed_m_s)
     runs = Runs(setting)
-    found = _run(_tasks(machine, setting, runs, loops[-1], causes), jobs, progress)
+    tasks = _tasks(machine, setting, runs, loops[-1], causes)
+    if known is not None:
+        tasks = {(kind, name): task for (kind, name), task in tasks.items() if kind != 'place'}
+    found = _run(tasks, jobs, progress)
+    laps = {'': loops[-1]} if known is None else dict(known)
+    laps |= {name: run for (_, name), run in found.items() if isinstance(run, Everywhere)}
     direction = setting.experiment.direction
     base = Loop(
         loops[-1].on_loop(frame), loops[-1].place_on(frame, length), length * direction, 0.0
@@ -137,18 +148,17 @@ def prepare(
     responses = Responses(
         frame, base, {}, {}, {}, empty, {}, {}, machine.roller.diameter_m / 2.0
     )  # fmt: skip
-    places = {}
-    for name, (_, size) in PLACES.items():
-        if ('place', name) in found:
-            run = found['place', name]
-            assert isinstance(run, Everywhere)
-            places[name] = (run.on_loop(frame) - base.columns) / np.float32(size)
+    places = {
+        name: (lap.on_loop(frame) - laps[''].on_loop(frame)) / np.float32(PLACES[name][1])
+        for name, lap in laps.items()
+        if name
+    }
     context = BodyContext(
         recording, machine, setting, responses, floor, start_in(setting, responses),
         runs=runs, base=_trace(found['base', '']),
         knobs={name: _trace(run) for (kind, name), run in found.items() if kind == 'knob'},
         whole={name: _trace(run) for (kind, name), run in found.items() if kind == 'whole'},
-        places=places, blocks=loops[-1].blocks,
+        places=places, loops=laps, blocks=loops[-1].blocks,
     )  # fmt: skip
     return replace(context, place=aligned(context, machine, context.base))
 

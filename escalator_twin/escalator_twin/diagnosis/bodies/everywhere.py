@@ -10,6 +10,7 @@ import numpy as np
 
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import MARGIN_M, RATE_HZ
+from escalator_twin.diagnosis.bodies.pitches import index_key
 from escalator_twin.diagnosis.bodies.running import part_of, run_part, STEPS
 from escalator_twin.diagnosis.loops import band_limited, Frame
 from escalator_twin.diagnosis.observation import Observation
@@ -19,13 +20,7 @@ from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Experiment
 from escalator_twin.sync.template import make_template, Template
 
-INDEXED = ('link', 'step')  # keys of a sensor's place that count along the chain
 LEAD_M = 0.6  # of travel before and after the loop, for the low-pass
-
-
-def index_key(sensor: Sensor) -> str | None:
-    """Return the key by which a sensor's place counts along the chain, if it does."""
-    return next((key for key in INDEXED if key in sensor.at), None)
 
 
 def everywhere(machine: Machine) -> tuple[tuple[Sensor, ...], dict[str, slice]]:

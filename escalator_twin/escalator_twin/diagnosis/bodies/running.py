@@ -7,8 +7,10 @@ import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.comparison.locate import RATE_HZ, Setting
+from escalator_twin.diagnosis.bodies.pitches import period_of, record_pitches
 from escalator_twin.machine import Deviation, Machine, Sensor
 from escalator_twin.physics.multibody.probes import ON_HANDRAIL
+from escalator_twin.physics.multibody.simulation import MultibodySimulation
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Experiment, Floats
 from escalator_twin.twin import make_simulation, run_twin
@@ -45,6 +47,12 @@ def run_part(
     """Run one part of a machine with its deviations and record some of its sensors."""
     alone = replace(machine, deviations=of_part(machine.deviations, part))
     simulation = make_simulation(alone, experiment, parts=(part,))
+    assert isinstance(simulation, MultibodySimulation)
+    pitches = period_of(alone, experiment) if part == STEPS else None
+    if pitches is not None and simulation.speed_m_s != 0.0:
+        found = record_pitches(simulation, sensors, start_s_m, pitches)
+        if found is not None:
+            return found.trace(sensors, duration_s, RATE_HZ)
     return run_twin(simulation, sensors, start_s_m, duration_s, RATE_HZ)
 
 

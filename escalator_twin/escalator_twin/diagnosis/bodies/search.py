@@ -11,13 +11,15 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.bodies.context import again, BodyContext, PLACES, WHOLE
 from escalator_twin.diagnosis.bodies.everywhere import at_index
 from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine
-from escalator_twin.diagnosis.regression import inner_products, score_each
+from escalator_twin.diagnosis.regression import fit, Fitted, inner_products, score_each
 from escalator_twin.diagnosis.search import best, Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.search_whole import beyond, tolerances
+from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.trial import Tried
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.walk import Bench
@@ -129,12 +131,55 @@ def attempt(
 ) -> list[Tried]:
     """Refine contenders with the twin itself; tolerances stay linear beside them."""
     del context, known, afar
+    names, knobs = place.stage.nuisance.names, [knob.name for knob in place.stage.knobs]
+    before = bounded_chi2(place.fitted, names, knobs)
+
+    def refined(proposal: Proposal) -> Tried | None:
+        found = refine(place.stage, place.model, place.fitted, proposal, steps=2)
+        if found is None:
+            return None
+        own = proposal.nuisance if proposal.nuisance in names else None
+        rest = tuple(name for name in names if name != own)
+        gain = before - bounded_chi2(found.fitted, rest, knobs)
+        return Tried(found.proposal, gain, dict(found.sd))
+
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        done = pool.map(
-            lambda p: refine(place.stage, place.model, place.fitted, p, steps=2), contenders
-        )
-        tried = [Tried(r.proposal, r.gain, dict(r.sd)) for r in done if r is not None]
+        tried = [one for one in pool.map(refined, contenders) if one is not None]
     return sorted(tried, key=lambda t: -t.gain)
+
+
+def bounded_chi2(fitted: Fitted, names: Sequence[str], knobs: Sequence[str]) -> float:
+    """Return chi squared where no tolerance goes farther than a good machine's does.
+
+    Parameters
+    ----------
+    fitted : Fitted
+    names : sequence of str
+        Of its nuisance.
+    knobs : sequence of str
+        Those that are tolerances.
+    """
+    held: dict[int, float] = {}
+    turning = [k for k, name in enumerate(names) if name in knobs]
+    rest = fitted
+    while True:
+        free = [k for k in range(len(names)) if k not in held]
+        sizes = dict(zip(free, rest.sizes, strict=True))
+        beyond_it = {k: sizes[k] for k in turning if k not in held and abs(sizes[k]) > LARGEST}
+        if not beyond_it:
+            return rest.chi2 + sum(size**2 for size in held.values())
+        held.update({k: float(np.copysign(LARGEST, size)) for k, size in beyond_it.items()})
+        free = [k for k in range(len(names)) if k not in held]
+        taken = fitted.columns[:, list(held)] @ np.array(list(held.values()), np.float32)
+        rest = fit(fitted.white - taken, fitted.columns[:, free])
+
+
+def within(place: Beside, effects: Sequence[Proposal]) -> dict[str, float]:
+    """Return the tolerances that effects stand for where a good machine has them at most."""
+    names = place.stage.nuisance.names
+    own = {e.nuisance for e in effects if e.nuisance in names and of_machine(e)}
+    sizes = dict(zip(names, place.fitted.sizes, strict=True))
+    return {name: float(np.clip(sizes[name], -LARGEST, LARGEST)) for name in own}
 
 
 def undecided(context: Context, one: Proposal, other: Proposal | None) -> None:
@@ -158,4 +203,4 @@ def bare(before: Beside, effects: Sequence[Proposal]) -> Beside:
     return replace(before, stage=stage, fitted=stage.fit(before.model))
 
 
-FREE_BODIES = Bench(propose, attempt, again, bare, undecided)
+FREE_BODIES = Bench(propose, attempt, again, bare, undecided, within)

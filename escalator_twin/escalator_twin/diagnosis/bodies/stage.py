@@ -8,7 +8,7 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.bodies.running import Runs
 from escalator_twin.diagnosis.knobs import turn_all
-from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
 from escalator_twin.physics.course import course_of
 from escalator_twin.physics.rollout import Trace
@@ -46,6 +46,15 @@ class BodyStage(Stage):
             return self.runs.trace(apply(self.machine, deviations))
         machine, experiment = turn_all(self.machine, self.setting.experiment, self.knobs, sizes)
         return Runs(self.setting).trace(apply(machine, deviations), experiment)
+
+    def allowed(self, sizes: Floats) -> Floats:
+        """Return sizes of the nuisance no larger than a good machine may have them.
+
+        A zero stretched beyond would explain what an effect does to a mean.
+        """
+        bound = {f'{channel}/zero' for channel in self.above} | {knob.name for knob in self.knobs}
+        limits = np.array([LARGEST if name in bound else np.inf for name in self.nuisance.names])
+        return np.clip(sizes, -limits, limits)
 
     def residual(self, model: Floats) -> Floats:
         """Return measured less simulated, (n, c); what counts of a mean stays in it."""

@@ -177,14 +177,40 @@ def flank(
 @compiled
 def run_out(
     segments: Floats, k: int, x: float, z: float, rotor: Floats, r: int, turned: float
-) -> tuple[float, float]:
-    """Return by how much an eccentric gear stands out at a point, and moves its seats along."""
+) -> tuple[float, float, float, float, float, float]:
+    """Return what an eccentric gear does at a point.
+
+    Rail and rim hand a roller over along the ramp along which flanks engage: there the rim does
+    not stand out yet.
+
+    Returns
+    -------
+    lifted, shift : float
+        By how much the rim stands out and the seats are moved along, m.
+    per_turn : float
+        What ``lifted`` gains by a radian of the gear, its place on the path held, m.
+    slope : float
+        What it gains by a metre along the path, the gear held.
+    ox, oz : float
+        Outwards.
+    """
     dx, dz = x - segments[k, seg.X], z - segments[k, seg.Z]
     ux, uz, turn = segments[k, seg.UX], segments[k, seg.UZ], segments[k, seg.TURN]
     angle = turn * np.arctan2(dz * ux - dx * uz, dx * ux + dz * uz) + segments[k, seg.HALF]
+    radius, length, reach = (
+        segments[k, seg.RADIUS],
+        segments[k, seg.LENGTH],
+        segments[k, seg.SEAT_RAMP],
+    )
+    way = angle * radius
+    share, steep = ramp(way, 0.0, length, reach), 0.0
+    if 0.0 < share < 1.0:
+        steep = 1.0 / reach if way < 0.5 * length else -1.0 / reach
     angle += rotor[r, net.R_PHASE] - turned
     size = rotor[r, net.R_ECCENTRIC]
-    return size * np.cos(angle), -size * np.sin(angle)
+    out, along, distance = size * np.cos(angle), size * np.sin(angle), np.sqrt(dx * dx + dz * dz)
+    slope = steep * out - share * along / radius
+    return share * out, -along, share * along, slope, dx / distance, dz / distance
 
 
 @compiled
@@ -238,7 +264,7 @@ def contacts(n: Network, m: Memory, q: Floats, w: Floats, h: float) -> None:
             x, z = q[b] + ox, q[b + 1] + oz
             vx, vz = w[b] - spin * oz, w[b + 1] + spin * ox
             p, r = int(segments[k, seg.PART]), int(segments[k, seg.ROTOR])
-            tail = surface = lifted = shift = 0.0
+            tail = surface = lifted = shift = per_turn = slope = 0.0
             if p >= 0:
                 moved, rate = q[base + p], w[base + p]
                 x, z = x - moved * part[p, net.P_X], z - moved * part[p, net.P_Z]
@@ -247,7 +273,11 @@ def contacts(n: Network, m: Memory, q: Floats, w: Floats, h: float) -> None:
             if r >= 0:
                 surface = turning[r, 1] * rotor[r, net.R_RADIUS]
                 if rotor[r, net.R_ECCENTRIC] != 0.0:
-                    lifted, shift = run_out(segments, k, x, z, rotor, r, turning[r, 0])
+                    lifted, shift, per_turn, slope, out_x, out_z = run_out(
+                        segments, k, x, z, rotor, r, turning[r, 0]
+                    )
+                    rise = per_turn * turning[r, 1]
+                    vx, vz = vx - rise * out_x, vz - rise * out_z
             v, arm = (vx, vz, spin), (ox, oz)
             beside, s, tx, tz, speed, push, drag, moment, across, along, arm_n, arm_t, depth = (
                 touch(segments, k, x, z, v, arm, surface, tail, h, lifted)
@@ -261,7 +291,9 @@ def contacts(n: Network, m: Memory, q: Floats, w: Floats, h: float) -> None:
                 add(added, i, across, -tz, tx, arm_n)
                 add(added, i, along, tx, tz, arm_t)
             if r >= 0:
-                torque[r] -= drag * rotor[r, net.R_RADIUS]
+                # the rim's slope pushes back what climbs it; as the gear turns, it lifts
+                fx, fz = fx - push * slope * tx, fz - push * slope * tz
+                torque[r] += push * per_turn - drag * rotor[r, net.R_RADIUS]
                 if segments[k, seg.SEAT_ARC] > 0.0:
                     drive, more = flank(segments, k, s, speed - surface, turning[r, 0], shift, h)
                     fx, fz = fx + drive * tx, fz + drive * tz

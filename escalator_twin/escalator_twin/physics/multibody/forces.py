@@ -10,6 +10,7 @@ import numpy as np
 from escalator_twin.physics.compiled import compiled
 from escalator_twin.physics.contact import ramp, saturating
 from escalator_twin.physics.multibody import network as net
+from escalator_twin.physics.multibody import segments as seg
 from escalator_twin.physics.multibody.contacts import contacts, search, SEARCH_STEPS
 from escalator_twin.physics.multibody.network import Memory, Network
 from escalator_twin.signals import Floats
@@ -81,7 +82,11 @@ def weights(n: Network, m: Memory) -> None:
 
 @compiled
 def dry_drags(n: Network, m: Memory, w: Floats) -> None:
-    """Add dry drag on bodies, their own and that of rough stretches, against their motion."""
+    """Add dry drag on bodies, their own and that of rough stretches, against their motion.
+
+    It acts between a body and what it runs on: a part that carries the segment feels it, too.
+    """
+    base = 3 * len(n.mass)
     for c in range(len(n.point_body)):
         pull = n.drag[c, net.D_DRY]
         for k in range(len(n.stretch_drag)):
@@ -90,12 +95,18 @@ def dry_drags(n: Network, m: Memory, w: Floats) -> None:
                 pull += row[4]
         if pull == 0.0:
             continue
-        b = 3 * n.point_body[c]
-        speed = np.sqrt(w[b] ** 2 + w[b + 1] ** 2)
+        b, touched = 3 * n.point_body[c], m.touching[c]
+        vx, vz = w[b], w[b + 1]
+        p = int(n.segments[touched, seg.PART]) if touched >= 0 else -1
+        if p >= 0:
+            vx, vz = vx - w[base + p] * n.part[p, net.P_X], vz - w[base + p] * n.part[p, net.P_Z]
+        speed = np.sqrt(vx**2 + vz**2)
         if speed > 0.0:
             pull *= saturating(speed / PART_CREEP_M_S) / speed
-            m.force[n.point_body[c], 0] -= pull * w[b]
-            m.force[n.point_body[c], 1] -= pull * w[b + 1]
+            m.force[n.point_body[c], 0] -= pull * vx
+            m.force[n.point_body[c], 1] -= pull * vz
+            if p >= 0:
+                m.part_force[p] += pull * (vx * n.part[p, net.P_X] + vz * n.part[p, net.P_Z])
 
 
 @compiled

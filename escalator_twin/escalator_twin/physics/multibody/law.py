@@ -71,10 +71,21 @@ def hertz_modulus(
 
 
 @compiled
+def secant(speed: float, share: float, steepest: float) -> float:
+    """Return the slope from rest to a saturated force: what an implicit step needs of it.
+
+    The tangent there is near zero, and a step that takes it goes through rest and beyond: bodies
+    light against the force then chatter from step to step and are driven by it. With the secant
+    the speed decays and keeps its sign.
+    """
+    return steepest if abs(speed) * steepest < 1e-6 else share / speed
+
+
+@compiled
 def normal_law(
     depth: float, rate: float, stiffness: float, loss: float, transition: float
 ) -> tuple[float, float, float]:
-    """Return F_n of eq. (6) with its slopes against depth and rate.
+    """Return F_n of eq. (6) with its slope against depth and its secant against rate.
 
     Parameters
     ----------
@@ -93,7 +104,7 @@ def normal_law(
     root = np.sqrt(depth)
     factor = 1.0 + loss * share
     elastic = stiffness * root * depth
-    damping = elastic * loss * (1.0 - share * share) * TO_TRANSITION / transition
+    damping = elastic * loss * secant(rate, share, TO_TRANSITION / transition)
     return elastic * factor, 1.5 * stiffness * root * factor, damping
 
 
@@ -101,17 +112,17 @@ def normal_law(
 def friction_law(
     speed: float, normal: float, friction: float, transition: float
 ) -> tuple[float, float]:
-    """Return F_f of eq. (7) with its slope against the sliding speed."""
+    """Return F_f of eq. (7) with its secant against the sliding speed."""
     share = saturating(TO_TRANSITION * speed / transition)
     limit = friction * normal
-    return limit * share, limit * (1.0 - share * share) * TO_TRANSITION / transition
+    return limit * share, limit * secant(speed, share, TO_TRANSITION / transition)
 
 
 @compiled
 def resistance_law(
     speed: float, normal: float, law: tuple[float, float, float, float, float, float]
 ) -> tuple[float, float]:
-    """Return a roller's drag at its tread, N, with its slope against the rolling speed.
+    """Return a roller's drag at its tread, N, with its secant against the rolling speed.
 
     Dry parts, of load and of seals, saturate with speed; the load's falls with it (Stribeck).
 
@@ -131,4 +142,4 @@ def resistance_law(
         dry *= 1.0 + rise * np.exp(-abs(speed) / fading)
     dry += seals
     share = saturating(speed / creep)
-    return dry * share + viscous * speed, dry * (1.0 - share * share) / creep + viscous
+    return dry * share + viscous * speed, dry * secant(speed, share, 1.0 / creep) + viscous
