@@ -6,7 +6,7 @@ import pytest
 
 from escalator_twin.diagnosis import diagnose
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.walk import Found, is_left_over
+from escalator_twin.diagnosis.walk import Found, is_left_over, same_place
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
 
@@ -66,3 +66,19 @@ def test_a_leftover_is_small_beside_its_kin_and_a_gauge_is_never_one():
     assert is_left_over('roller_drag', 100.0, known)
     assert not is_left_over('roller_drag', 200.0, known)
     assert not is_left_over('gauge_gain', 50.0, known)
+
+
+@pytest.mark.parametrize(
+    ('cause', 'one', 'other', 'same'),
+    [
+        ('rolling_resistance', {}, {}, True),
+        ('guide_drag', {'s_from_m': 6.1, 's_to_m': 7.7}, {'s_from_m': 6.3, 's_to_m': 7.5}, True),
+        ('guide_drag', {'s_from_m': 6.1, 's_to_m': 7.7}, {'s_from_m': 6.5, 's_to_m': 7.7}, False),
+        ('guide_step', {'s_m': 4.5, 'side': 'left'}, {'s_m': 4.5, 'side': 'right'}, False),
+        ('roller_drag', {'axle': 3, 'side': 'left'}, {'axle': 4, 'side': 'left'}, False),
+    ],
+)  # fmt: skip
+def test_two_fits_of_one_place_are_one_candidate(cause, one, other, same):
+    first, second = (Proposal(cause, dict(place), {}, 0.0) for place in (one, other))
+    assert same_place(first, second) == same
+    assert not same_place(first, Proposal('tensioner_stop', dict(one), {}, 0.0))

@@ -29,6 +29,7 @@ SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
+SAME_M = 0.25  # of the guide: what contracts.md takes for the same place
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
 KIN = (
     frozenset({
@@ -255,7 +256,11 @@ def _candidates(
 ) -> list[tuple[Proposal, float]]:
     """Return what is weighed: simulated gains, and linear ones of what was not simulated."""
     done = {(r.proposal.cause, _place(r.proposal)) for r in tried}
-    rows = [(r.proposal, r.gain) for r in tried]
+    rows: list[tuple[Proposal, float]] = []
+    for row in tried:
+        # one cause at one place, fitted from two starts, is one candidate: the better fit
+        if not any(same_place(row.proposal, kept) for kept, _ in rows):
+            rows.append((row.proposal, row.gain))
     cap = max((r.gain for r in tried), default=0.0)
     for proposal in proposals:
         if (proposal.cause, _place(proposal)) in done:
@@ -267,6 +272,20 @@ def _candidates(
         else:
             rows.append((proposal, proposal.gain))
     return rows
+
+
+def same_place(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two proposals are of one cause at one place, as far as places are told apart."""
+    if one.cause != other.cause or one.location.keys() != other.location.keys():
+        return False
+    for key, value in one.location.items():
+        there = other.location[key]
+        if isinstance(value, float) and isinstance(there, float):
+            if abs(value - there) > SAME_M:
+                return False
+        elif value != there:
+            return False
+    return True
 
 
 def _place(proposal: Proposal) -> str:
