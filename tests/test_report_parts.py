@@ -16,8 +16,9 @@ from escalator_twin.report.series import array, GAP, LEVELS, pack, spectrum, unp
 
 pytestmark = pytest.mark.issue(5)
 
+# a span of subnormal numbers has no half level: half of the least of them is 0
 values_strategy = st.lists(
-    st.floats(-1e9, 1e9) | st.just(float('nan')), min_size=1, max_size=60
+    st.floats(-1e9, 1e9, allow_subnormal=False) | st.just(float('nan')), min_size=1, max_size=60
 ).map(np.array)
 
 

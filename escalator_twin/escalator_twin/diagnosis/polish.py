@@ -95,11 +95,18 @@ def polish(
     tangent = dict(at)
     place = fit_one.beside(effects, at)
     spreads = tuple(dict[str, float]() for _ in effects)
-    left = ANEW
+    left, helped = ANEW, False
     for _ in range(steps):
         white = fit_one.columns(place, effects)
         spreads = _spreads(place, effects, white)
         trial = fit_one.step(place, effects, white)
+        if trial is None and not helped:
+            helped = True
+            eased = fit_one.eased(place, effects, jobs)
+            if eased is not None:
+                fit_one, place = eased
+                tangent = dict(place.stage.turned)
+                continue
         if trial is None:
             break
         gained = judged(place, effects) - judged(trial[0], effects)
@@ -169,6 +176,18 @@ class _Fit:
     def beside(self, effects: Sequence[Proposal], turned: Mapping[str, float]) -> Beside:
         place = beside(self.context, self.deviations(effects), steps=0, turned=turned)
         return place if self.free is None else self.free(place)
+
+    def eased(
+        self, place: Beside, effects: Sequence[Proposal], jobs: int
+    ) -> 'tuple[_Fit, Beside] | None':
+        """Tune the tolerances alone and from none, the effects held; None if no more is explained.
+
+        They had been turned to explain what the effects explain now.
+        """
+        anew = self.taken_anew(effects, {}, jobs)
+        tuned = beside(anew.context, self.deviations(effects), turned={})
+        after = tuned if self.free is None else self.free(tuned)
+        return (anew, after) if judged(after, effects) < judged(place, effects) else None
 
     def columns(self, place: Beside, effects: Sequence[Proposal]) -> np.ndarray:
         """Return the whitened change by every number of every effect, (m, p)."""

@@ -14,13 +14,14 @@ from escalator_twin.diagnosis.free import FREED, freed
 from escalator_twin.diagnosis.polish import polish, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
 CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
 CLOSEST = 0.85  # the same of what was sought from afar
-STEPS_AT_LENGTH = 3  # of the last fit where every run takes the whole recording's length
+STEPS_AT_LENGTH = 4  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Causes that change the machine so much that its tolerances act otherwise.
 MOVES_RESONANCE = frozenset({
@@ -29,6 +30,7 @@ MOVES_RESONANCE = frozenset({
     'truss_resonance',
 })  # fmt: skip
 DRIVE = ('drive_hunting', 'drive_ripple')
+SIDED = ('roller_drag', 'link_stiffness')  # whose two sides look alike but for the axle's racking
 
 
 @dataclass(frozen=True)
@@ -102,11 +104,44 @@ def try_all(
         fitted_again = list(
             pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading)
         )
+        fitted_again += _other_sides(context, place, known, leading, fitted_again, jobs)
         if afar is not None:
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
     tried = _locked(context, place, fitted_again + rest)
     return sorted(tried, key=lambda t: -t.gain)
+
+
+def _other_sides(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    refined: Sequence[Refined],
+    fitted: Sequence[Tried],
+    jobs: int,
+) -> list[Tried]:
+    """Fit the best on its other side too, from the tolerances that it ended with.
+
+    The sides differ by little: which is right must not hang on how far each fit has come.
+    """
+    pairs = [(t, r) for t, r in zip(fitted, refined, strict=True) if t.polished is not None]
+    if not pairs:
+        return []
+    best, first = max(pairs, key=lambda pair: pair[0].gain)
+    side = best.proposal.location.get('side')
+    if side not in SIDES or best.proposal.cause not in SIDED or best.polished is None:
+        return []
+    other = {**best.proposal.location, 'side': SIDES[1 - SIDES.index(str(side))]}
+    mirrored = replace(first, proposal=replace(best.proposal, location=other))
+    turned = best.polished.place.stage.turned
+    found = _fitted(best.polished.context, place, known, mirrored, turned, jobs)
+    if found.polished is None:
+        return []
+    whole = replace(
+        context,
+        responses=replace(context.responses, knobs=found.polished.context.responses.knobs),
+    )
+    return [replace(found, polished=replace(found.polished, context=whole))]
 
 
 def _tried_afar(
