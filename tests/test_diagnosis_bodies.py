@@ -14,7 +14,6 @@ import pytest
 from escalator_twin import bagfile
 from escalator_twin.cli.main import main
 from escalator_twin.diagnosis.bodies.attempt import lines_of
-from escalator_twin.diagnosis.bodies.calibrate import false_fall
 from escalator_twin.diagnosis.bodies.context import mean_spread
 from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
 from escalator_twin.diagnosis.bodies.gears import MARGIN_M, on_gear
@@ -22,7 +21,7 @@ from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.observation import Observation
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import false_fall, Proposal
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.course import course_of
@@ -200,5 +199,5 @@ def test_white_noise_has_no_temperature():
         drag = Proposal('roller_drag', {'axle': 0}, {'force_N': 1.0}, row[:58].max(), {}, 58)
         link = Proposal('link_elongation', {'link': 0}, {'length_m': 1e-5}, row[58:].max(), {}, 58)
         other = Proposal('handrail_drag', {}, {'force_N': 1.0}, 1e3, {})
-        found.append(false_fall([drag, link, other]))
+        found.append(false_fall([drag, link, other], ('roller_drag', 'link_elongation')))
     assert np.median(found) == pytest.approx(1.0, abs=0.1)

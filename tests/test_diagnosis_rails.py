@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import trials
 
-from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_rails
+from escalator_twin.diagnosis.loops import alike, Frame, sensor_probes, simulate_rails
 from escalator_twin.diagnosis.rails import draw_rails, rail_columns
+from escalator_twin.machine import Deviation
 from escalator_twin.physics.survey import spectrum_of
 
 pytestmark = pytest.mark.issue(6)
@@ -49,6 +50,24 @@ def test_without_a_survey_there_is_nothing_to_draw():
     machine = trials.smooth_prototype()
     assert draw_rails(machine) == []
     assert rail_columns(machine, trials.case(), Frame.of(machine, 0.5)).shape[2] == 0
+
+
+def test_parts_unlike_the_others_are_left_out_where_one_pitch_stands_for_all():
+    friction = Deviation('tensioner_friction', {'force_N': 150.0})
+    link = Deviation('link_elongation', {'length_m': 3e-3}, {'link': 4})
+    drag = Deviation('roller_drag', {'force_N': 120.0}, {'axle': 3, 'side': 'left'})
+    machine = replace(trials.prototype(), deviations=(friction, link, drag))
+    loads = tuple(150.0 * (k % 2) for k in range(60))
+    kept, equal = alike(machine, replace(trials.case(), load_per_step_kg=loads))
+    assert kept.deviations == (friction,)
+    assert equal.load_per_step_kg == (75.0,)
+    # a step's load takes no pitch for another's
+    few = draw_rails(machine, 2)
+    frame = Frame.of(machine, 0.5)
+    seen = sensor_probes(machine.instruments.sensors, frame.n_links)
+    with pytest.raises(AssertionError, match='one pitch'):
+        simulate_rails(machine, trials.case(), frame, seen, few)
+    assert len(simulate_rails(kept, equal, frame, seen, few)) == 2
 
 
 def test_columns_hold_the_spread_of_the_signals():

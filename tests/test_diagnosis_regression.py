@@ -10,6 +10,7 @@ import pytest
 from escalator_twin.diagnosis.regression import (
     fit,
     inner_products,
+    inverse,
     score_each,
     score_groups,
 )
@@ -131,3 +132,14 @@ def test_coverage_of_the_standard_deviation():
         pulls.append((scores.size[0] - 4.0) / scores.sd[0])
     assert np.mean(pulls) == pytest.approx(0.0, abs=0.25)  # four of 1 / sqrt(300)
     assert np.std(pulls) == pytest.approx(1.0, abs=0.17)  # four of 1 / sqrt(600)
+
+
+def test_units_of_columns_do_not_decide_what_is_null():
+    """A length in metres beside an angle and a tolerance of unit prior: all three are solved for."""
+    rng = np.random.default_rng(4)
+    columns = rng.normal(size=(200, 3)) * np.array([3e5, 90.0, 0.3])
+    gram = columns.T @ columns
+    np.testing.assert_allclose(inverse(gram) @ gram, np.eye(3), atol=1e-4)
+    twice = np.column_stack([columns, columns[:, 0]])
+    size = inverse(twice.T @ twice) @ twice.T @ columns[:, 0]
+    np.testing.assert_allclose(size, [0.5, 0.0, 0.0, 0.5], atol=1e-6)

@@ -63,7 +63,7 @@ def test_columns_of_a_cause_of_the_chain_are_empty_where_rattling_shakes():
     white = stage.columns(change, 'tensioner_preload').reshape(-1, len(CHANNELS))
     assert np.all(white[:, SHAKEN] == 0.0)
     assert np.all(np.any(white[:, ~SHAKEN] != 0.0, axis=0))
-    everything = stage.columns(change, 'roller_eccentricity').reshape(-1, len(CHANNELS))
+    everything = stage.columns(change, 'guide_step').reshape(-1, len(CHANNELS))
     assert np.all(np.any(everything != 0.0, axis=0))
 
 

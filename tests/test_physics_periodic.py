@@ -1,6 +1,7 @@
 """One pitch of a uniform machine against the same machine run at length."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import trials
 
 from escalator_twin.diagnosis.floor import is_shaken
 from escalator_twin.diagnosis.loops import band_limited
-from escalator_twin.machine import Deviation, Machine
+from escalator_twin.machine import Deviation, load_machine, Machine
 from escalator_twin.physics.periodic import is_uniform, run_periodic
 from escalator_twin.physics.rollout import Simulation
 from escalator_twin.signals import Experiment
@@ -16,6 +17,7 @@ from escalator_twin.twin import make_simulation, run_twin
 
 pytestmark = pytest.mark.issue(6)
 
+WHEEL = Path(__file__).parents[1] / 'config' / 'machines' / 'prototype_wheel.yaml'
 START_M, DURATION_S, RATE_HZ = 7.3, 12.0, 200.0
 
 GUIDE_STEP = Deviation('guide_step', {'height_m': 1.5e-3}, {'s_m': 5.0, 'side': 'left'})
@@ -43,10 +45,15 @@ def with_deviations(*deviations: Deviation) -> Machine:
     return replace(trials.prototype(), deviations=deviations)
 
 
+def machine_of(name: str) -> Machine:
+    # seats of a wheel lie further apart than a pitch: time goes by seats, travel by pitches
+    return load_machine(WHEEL) if name == 'wheel' else with_deviations(*ALIKE[name])
+
+
 @pytest.mark.parametrize('direction', [1, -1], ids=['up', 'down'])
-@pytest.mark.parametrize('name', ALIKE)
+@pytest.mark.parametrize('name', [*ALIKE, 'wheel'])
 def test_one_pitch_stands_for_a_long_run(name, direction):
-    machine, experiment = with_deviations(*ALIKE[name]), trials.case(direction=direction)
+    machine, experiment = machine_of(name), trials.case(direction=direction)
     sensors = machine.instruments.sensors
     args = sensors, START_M, DURATION_S, RATE_HZ
     long = run_twin(simulation(machine, experiment), *args)
@@ -65,7 +72,8 @@ def test_one_pitch_stands_for_a_long_run(name, direction):
     for k, sensor in enumerate(sensors):
         # rollers rattle along the step: two runs differ there by chance
         share = 0.05 if is_shaken(sensor) else 0.01
-        assert rest[k] < share * np.std(long_band[:, k]) + late[k], sensor.channel
+        noise = 0.01 * sensor.noise * abs(sensor.scale)  # where a signal hardly moves
+        assert rest[k] <= share * np.std(long_band[:, k]) + late[k] + noise, sensor.channel
 
 
 @pytest.mark.parametrize('name', UNLIKE)

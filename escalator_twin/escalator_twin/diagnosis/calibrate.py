@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy import fft
-from scipy.stats import chi2
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.context import Context, prepare, prepare_tolerances, shares_of, tuned
@@ -33,6 +32,7 @@ from escalator_twin.diagnosis.floor import (
     write_floor,
 )
 from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.proposals import false_fall
 from escalator_twin.diagnosis.responses import ALL_PLACES
 from escalator_twin.diagnosis.unexplained import by_channel
 from escalator_twin.diagnosis.walk import propose
@@ -137,10 +137,7 @@ def beside_floor(path: str, machine: Machine, floor: Floor) -> Good:
     context = prepare(bagfile.read(path, machine), machine, floor)
     place = context.place
     assert place is not None
-    false = [p for p in propose(context, place, 1) if p.cause in ALL_PLACES]
-    columns = sum({p.cause: p.places for p in false}.values())
-    white = float(chi2.ppf(0.5 ** (1.0 / max(columns, 1)), 1))
-    fall = max((p.gain for p in false), default=0.0) / white
+    fall = false_fall(propose(context, place, 1), ALL_PLACES)
     channels = place.stage.observation.channels
     found = dict(zip(channels, map(float, by_channel(place)), strict=True))
     print(path, f'fall {fall:.2f}', {c: round(v, 3) for c, v in found.items()}, flush=True)

@@ -29,7 +29,7 @@ from escalator_twin.diagnosis.heldout import HeldOut, hold_out
 from escalator_twin.diagnosis.polish import increments
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
-from escalator_twin.diagnosis.regression import inner_products
+from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.split import split
@@ -141,7 +141,7 @@ def confirm_recording(
 def _wave(place: Beside, effect: Proposal) -> Refined:
     """Return a wave of the drive as this recording alone would have it."""
     in_time = effect.cause == 'drive_hunting'
-    return refine_wave(place.stage, place.model, place.fitted.chi2, effect, in_time)
+    return refine_wave(place.stage, place.model, place.fitted, effect, in_time)
 
 
 def _rolled(place: Beside, effect: Proposal) -> Proposal:
@@ -155,7 +155,7 @@ def _rolled(place: Beside, effect: Proposal) -> Proposal:
         columns.append(run - place.model)
     white = stage.columns(np.stack(columns, axis=2), effect.cause)
     right, gram = inner_products(place.fitted, white)
-    c, d = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+    c, d = inverse(gram) @ right
     return _with_phase(effect, atan2(d, c))
 
 

@@ -10,7 +10,7 @@ from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import locate, Setting
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.loops import Frame, LOCAL
 from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.observation import Observation, observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted
@@ -36,12 +36,6 @@ ROUNDS = 2  # of taking the tolerances' effect anew
 WEAK = 2.0  # chi squared of one standard deviation
 WORTH_A_ROUND = 0.05  # of chi squared: a round that gains less is the last one
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
-
-
-LOCAL = frozenset({
-    'link_elongation', 'link_stiffness', 'roller_drag', 'roller_eccentricity', 'roller_flat',
-    'load_distribution', 'step_mass', 'drive_ripple', 'drive_hunting',
-})  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
-from escalator_twin.diagnosis.regression import inner_products
+from escalator_twin.diagnosis.regression import Fitted, inner_products, inverse
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.signals import Floats
 
@@ -15,7 +15,7 @@ QUARTER = 0.5 * np.pi
 
 
 def refine_drive(
-    stage: Stage, base: Floats, chi2: float, hunting: Proposal, ripple: Proposal
+    stage: Stage, base: Floats, fitted: Fitted, hunting: Proposal, ripple: Proposal
 ) -> tuple[Refined, Refined]:
     """Fit amplitude, phase and frequency of a wave of the drive's speed, once for each lock.
 
@@ -27,20 +27,21 @@ def refine_drive(
     ----------
     stage : Stage
     base : (n, c) float64
-    chi2 : float
-        Without the wave.
+    fitted : Fitted
+        What that leaves, with the nuisance.
     hunting, ripple : Proposal
         Of the same frequency.
     """
     return (
-        refine_wave(stage, base, chi2, hunting, in_time=True),
-        refine_wave(stage, base, chi2, ripple, in_time=False),
+        refine_wave(stage, base, fitted, hunting, in_time=True),
+        refine_wave(stage, base, fitted, ripple, in_time=False),
     )
 
 
 def refine_wave(
-    stage: Stage, base: Floats, chi2: float, proposal: Proposal, in_time: bool
+    stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal, in_time: bool
 ) -> Refined:
+    """Fit a wave of the drive's speed, locked to time or to travel; see ``refine_drive``."""
     observation = stage.observation
     frame = observation.frame
     seconds = observation.travel_m / frame.speed_m_s
@@ -49,6 +50,7 @@ def refine_wave(
     key = 'frequency_hz' if in_time else 'cycles_per_pitch'
     per_hz = 1.0 if in_time else frame.pitch_m / frame.speed_m_s
     best: Refined | None = None
+    before = stage.judged(fitted, proposal.cause)
     for _ in range(ROUNDS):
         size = proposal.parameters['relative_amplitude']
         quarter = replace(
@@ -68,17 +70,16 @@ def refine_wave(
             )
         clock = seconds - seconds.mean()
         fast = 2.0 * np.pi * clock[:, None] * two * size / per_hz
-        columns = stage.whiten(np.stack([one, two, fast], axis=2))
-        fitted = stage.fit(base)
-        right, gram = inner_products(fitted, columns)
-        c, d, df = np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ right
+        columns = stage.columns(np.stack([one, two, fast], axis=2), proposal.cause)
+        right, gram = inner_products(stage.fit(base), columns)
+        c, d, df = inverse(gram) @ right
         model = base + c * one + d * two + df * fast
         after = stage.fit(model)
         amplitude = float(np.hypot(c, d))
         # the frequency turns about the middle of the recording
         phase = proposal.parameters['phase_rad'] + float(np.arctan2(d, c))
         phase -= 2.0 * np.pi * df / per_hz * float(seconds.mean())
-        covariance = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+        covariance = inverse(gram)
         moved = replace(
             proposal,
             parameters={
@@ -92,7 +93,7 @@ def refine_wave(
             key: float(np.sqrt(covariance[2, 2])),
         }
         found = Refined(
-            moved, model, after, chi2 - after.chi2, sd, columns,
+            moved, model, after, before - stage.judged(after, proposal.cause), sd, columns,
             ('relative_amplitude', 'phase_rad', key),
         )  # fmt: skip
         if best is not None and found.gain < best.gain + 1.0:
@@ -129,9 +130,9 @@ def locks(stage: Stage, base: Floats, hunting: Proposal) -> tuple[float, float]:
     clock = (seconds - seconds.mean())[:, None]
     found = []
     for a, b in rows:
-        columns = stage.whiten(np.stack([a, b, clock * a, clock * b], axis=2))
+        columns = stage.columns(np.stack([a, b, clock * a, clock * b], axis=2), hunting.cause)
         fitted = stage.fit(base)
         right, gram = inner_products(fitted, columns)
-        gain = float(right @ np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ right)
+        gain = float(right @ inverse(gram) @ right)
         found.append(fitted.chi2 - gain)
     return found[0], found[1]

@@ -37,11 +37,8 @@ RATTLING = frozenset({'step_acceleration/z', 'step_acceleration/x'})
 # Causes that act on a step's x and z directly. What any other cause or tolerance seems to change there
 # is chance: taken at one standard deviation up and down, responses correlate by -0.7 to 0 instead
 # of 0.8 to 1 as those of forces, tensioner and y do. As columns of a fit such chance shrinks every
-# size.
-SHAKING = frozenset({
-    'guide_step', 'roller_eccentricity', 'roller_flat', 'drive_ripple', 'drive_hunting',
-    'truss_resonance',
-})  # fmt: skip
+# size, of a tread that is not round and of a wave of the drive too: most of what they do is in forces.
+SHAKING = frozenset({'guide_step', 'truss_resonance'})
 
 
 def kind_of(sensor: Sensor) -> str:

@@ -18,12 +18,17 @@ from escalator_twin.diagnosis.context import (
     with_own_tolerances,
 )
 from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import changed, jacobian_of, moved, slope_of
-from escalator_twin.diagnosis.regression import fit, Fitted, inner_products
+from escalator_twin.diagnosis.regression import fit, Fitted, inner_products, inverse
 from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.machine import Deviation
 from escalator_twin.signals import Floats
+
+# A tolerance that does nothing to a machine whose sides are alike, and much to what one side's part
+# does to the other: its column is run with the effects.
+RACKING = 'chain.racking_stiffness_n_m'
 
 Free = Callable[[Beside], Beside]
 
@@ -31,6 +36,7 @@ STEPS = 8
 ANEW = 2  # times that the tolerances' effect is taken anew on the way
 SHARES = (1.0, 0.4, 0.15)
 STRETCH, FARTHEST = 2.5, 7.0  # of a step that explains more
+FURTHER = 1.6  # times a step, from where the parabola through its ends has its least: stretch it
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 
 
@@ -96,6 +102,12 @@ def polish(
     place = fit_one.beside(effects, at)
     spreads = tuple(dict[str, float]() for _ in effects)
     left, helped = ANEW, False
+    plain = fit_one.plain(effects)
+    if plain is not None and at:
+        # without the effects the tolerances had been turned to explain what these explain
+        there = plain.beside(effects, {})
+        if judged(there, effects) < judged(place, effects):
+            fit_one, place, tangent, helped = plain, there, {}, True
     for _ in range(steps):
         white = fit_one.columns(place, effects)
         spreads = _spreads(place, effects, white)
@@ -142,9 +154,8 @@ def increments(
     """
     effects = tuple(effects)
     white = _Fit(context, known, None).columns(place, effects)
-    fitted, _ = _free(place, effects)
-    right, gram = inner_products(fitted, white)
-    delta = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+    right, gram = _products(place, effects, white)
+    delta = inverse(gram) @ right
     found = tuple(_moved(effects, delta, place.stage.machine_length))
     return found, _spreads(place, effects, white)
 
@@ -177,6 +188,17 @@ class _Fit:
         place = beside(self.context, self.deviations(effects), steps=0, turned=turned)
         return place if self.free is None else self.free(place)
 
+    def plain(self, effects: Sequence[Proposal]) -> '_Fit | None':
+        """Return the same where the tolerances act as in the machine as described.
+
+        None where the effects change what they do.
+        """
+        nominal = self.context.nominal
+        if nominal is None or any(d.cause not in LOCAL for d in self.deviations(effects)):
+            return None
+        responses = replace(self.context.responses, knobs=nominal.responses.knobs)
+        return replace(self, context=replace(self.context, responses=responses))
+
     def eased(
         self, place: Beside, effects: Sequence[Proposal], jobs: int
     ) -> 'tuple[_Fit, Beside] | None':
@@ -190,13 +212,18 @@ class _Fit:
         return (anew, after) if judged(after, effects) < judged(place, effects) else None
 
     def columns(self, place: Beside, effects: Sequence[Proposal]) -> np.ndarray:
-        """Return the whitened change by every number of every effect, (m, p)."""
+        """Return the whitened change by every number of every effect, and by ``_sided``, (m, p)."""
         found = []
         for k, effect in enumerate(effects):
             others = [e.deviation for j, e in enumerate(effects) if j != k]
             bare = replace(place.stage, machine=self.context.machine)
             bare = bare.extended((*self.known, *others))
             found.append(jacobian_of(bare, None, place.model, effect))
+        for name in _sided(place, effects):
+            turned = {**place.stage.turned, name: place.stage.turned.get(name, 0.0) + 1.0}
+            bare = replace(place.stage, machine=self.context.machine, turned=turned)
+            change = bare.run(self.deviations(effects)) - place.model
+            found.append(place.stage.columns(change[:, :, None], effects[0].cause))
         return np.concatenate(found, axis=1)
 
     def step(
@@ -205,12 +232,14 @@ class _Fit:
         """Take the step of Gauss and Newton, or a part of it; None where neither explains more."""
         stage = place.stage
         fitted, kept = _free(place, effects)
-        right, gram = inner_products(fitted, white)
-        delta = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+        right, gram = _products(place, effects, white)
+        delta = inverse(gram) @ right
         rest = fit(fitted.white - white @ delta.astype(np.float32), fitted.columns, fitted.offset)
         sizes = np.zeros(len(stage.nuisance.names))
         sizes[kept] = rest.sizes
         names = {knob.name for knob in stage.knobs} - {e.nuisance for e in effects}
+        sided = _sided(place, effects)
+        more = dict(zip(sided, delta[len(delta) - len(sided) :], strict=True))
 
         def tried(share: float) -> tuple[Beside, tuple[Proposal, ...]]:
             trial = tuple(_moved(effects, share * delta, stage.machine_length))
@@ -221,15 +250,22 @@ class _Fit:
                 )
                 if name in names
             }
+            for name, way in more.items():
+                z = stage.turned.get(name, 0.0) + share * float(way)
+                turned[name] = float(np.clip(z, -LARGEST, LARGEST))
             return self.beside(trial, turned), trial
 
-        best, value = None, judged(place, effects)
+        best, start = None, judged(place, effects)
+        value = start
         for share in SHARES:
             again = tried(share)
             if judged(again[0], effects) < value:
                 best, value = again, judged(again[0], effects)
                 break
         # fine patterns that a change shifts make its column larger than what it explains: on and on
+        bend = value - start + 2.0 * share * float(right @ delta)  # times the share's square
+        if bend > 0.0 and share * float(right @ delta) < FURTHER * bend:
+            return best
         share = STRETCH
         while best is not None and share <= FARTHEST:
             again = tried(share)
@@ -238,6 +274,26 @@ class _Fit:
             best, value = again, judged(again[0], effects)
             share *= STRETCH
         return best
+
+
+def _sided(place: Beside, effects: Sequence[Proposal]) -> tuple[str, ...]:
+    """Return the tolerances that only show beside these effects."""
+    is_one_sided = any(e.cause in LOCAL and 'side' in e.location for e in effects)
+    known = {knob.name for knob in place.stage.knobs}
+    return (RACKING,) if is_one_sided and RACKING in known else ()
+
+
+def _products(
+    place: Beside, effects: Sequence[Proposal], white: np.ndarray
+) -> tuple[Floats, Floats]:
+    """Return the right side and the matrix of the normal equations, tolerances with their priors."""
+    fitted, _ = _free(place, effects)
+    right, gram = inner_products(fitted, white)
+    sided = _sided(place, effects)
+    for k, name in enumerate(sided, len(right) - len(sided)):
+        right[k] -= place.stage.turned.get(name, 0.0)
+        gram[k, k] += 1.0
+    return right, gram
 
 
 def _free(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]]:
@@ -269,9 +325,8 @@ def _spreads(
     place: Beside, effects: tuple[Proposal, ...], white: np.ndarray
 ) -> tuple[dict[str, float], ...]:
     """Return one standard deviation of every number, beside all others and the nuisance."""
-    fitted, _ = _free(place, effects)
-    _, gram = inner_products(fitted, white)
-    covariance = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    _, gram = _products(place, effects, white)
+    covariance = inverse(gram)
     found, first = [], 0
     for effect in effects:
         spread = {}

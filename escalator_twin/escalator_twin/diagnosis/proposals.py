@@ -1,6 +1,9 @@
 """What a search proposes: a cause, where it may sit, about how large, and what it explains."""
 
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
+
+from scipy.stats import chi2
 
 from escalator_twin.machine import Deviation
 
@@ -37,3 +40,25 @@ class Proposal:
     def deviation(self) -> Deviation:
         """The proposal as part of a machine description."""
         return Deviation(self.cause, dict(self.parameters), dict(self.location))
+
+
+def false_fall(proposals: Sequence[Proposal], causes: Container[str]) -> float:
+    """Return the largest fall by a part that no good machine has, over that of white noise.
+
+    Parameters
+    ----------
+    proposals : sequence of Proposal
+        For a good machine.
+    causes : container of str
+        Those at a place: good machines have a little of every other one.
+
+    Returns
+    -------
+    ratio : float
+        To the median of the largest of as many squared normal numbers; 0 without a proposal.
+    """
+    false = [p for p in proposals if p.cause in causes]
+    if not false:
+        return 0.0
+    columns = sum({p.cause: p.places for p in false}.values())
+    return max(p.gain for p in false) / float(chi2.ppf(0.5 ** (1.0 / columns), 1))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_rails
+from escalator_twin.diagnosis.loops import alike, Frame, sensor_probes, simulate_rails
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics.path import build_path
@@ -75,7 +75,7 @@ def rail_columns(
     Parameters
     ----------
     machine : Machine
-        Of which all links are alike.
+        What singles out one of its links does nothing here.
     experiment : Experiment
         At the frame's speed.
     frame : Frame
@@ -92,7 +92,7 @@ def rail_columns(
     if not rails:
         return np.zeros((frame.n_loop, len(sensors), 0), np.float32)
     seen = sensor_probes(sensors, machine.chain.n_links)
-    experiment = replace(experiment, set_speed_m_s=frame.speed_m_s)
+    machine, experiment = alike(machine, replace(experiment, set_speed_m_s=frame.speed_m_s))
     found = simulate_rails(machine, experiment, frame, seen, rails, jobs)
     if not found:
         return np.zeros((frame.n_loop, len(sensors), 0), np.float32)

@@ -9,7 +9,7 @@ import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regression import Fitted, inner_products
+from escalator_twin.diagnosis.regression import Fitted, inner_products, inverse
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
@@ -31,7 +31,13 @@ NUDGES = {
     'damping_ratio': 5e-3,
     'slip': 1e-4,
 }
-NUDGES_OF = {('guide_step', 'length_m'): 5e-3, ('truss_resonance', 'frequency_hz'): 0.03}
+NUDGES_OF = {
+    ('guide_step', 'length_m'): 5e-3,
+    ('truss_resonance', 'frequency_hz'): 0.03,
+    # a spot is 0.35 rad wide
+    ('roller_flat', 'phase_rad'): 0.05,
+    ('roller_flat', 'slip'): 3e-5,
+}
 # Of sizes that are differentiated where they are, a good part of the size: two runs differ by rattling
 # as well, and a small difference would be made of that.
 NUDGE_SHARE = 0.35
@@ -147,7 +153,7 @@ def refine(
     jacobian = jacobian_of(stage, base, current, proposal, without)
     for _ in range(steps):
         right, gram = inner_products(best, jacobian)
-        step = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ right
+        step = inverse(gram) @ right
         if right @ step < SETTLED:
             break
         trial, model, after = proposal, current, best
@@ -173,7 +179,7 @@ def refine(
         if len(keys) == 1:
             jacobian = jacobian_of(stage, base, current, proposal, without)
     _, gram = inner_products(best, jacobian)
-    covariance = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    covariance = inverse(gram)
     sd = {
         key: abs(slope_of(proposal, key)) * float(np.sqrt(max(covariance[i, i], 0.0)))
         for i, key in enumerate(keys)

@@ -7,6 +7,8 @@ from scipy import linalg
 
 from escalator_twin.signals import Floats
 
+NULL = 1e-9  # of a Gram matrix's largest eigenvalue, its columns of unit length
+
 
 @dataclass(frozen=True)
 class Fitted:
@@ -104,6 +106,18 @@ def inner_products(fitted: Fitted, candidates: np.ndarray) -> tuple[Floats, Floa
     right = (candidates.T @ fitted.white).astype(np.float64) - half.T @ start
     gram = (candidates.T @ candidates).astype(np.float64) - half.T @ half
     return right, gram
+
+
+def inverse(gram: Floats) -> Floats:
+    """Return the pseudo-inverse of a Gram matrix (k, k), whatever the units of its columns.
+
+    A column per metre is some 1e5 times one per radian: what counts as null is told of the
+    columns' directions, not of their lengths.
+    """
+    length = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scale = np.outer(length, length)
+    found: Floats = np.linalg.pinv(gram / scale, rcond=NULL, hermitian=True) / scale
+    return found
 
 
 def score_each(fitted: Fitted, candidates: np.ndarray) -> Scores:

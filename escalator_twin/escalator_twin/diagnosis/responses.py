@@ -286,6 +286,7 @@ def find_flats(
                 machine, experiment, frame, every, (deviation,), responses.base.rack_m
             )
             change: Columns = (loop.columns - responses.base.columns) / np.float32(FLAT_M)
+            change[:, _shaken_columns(machine.chain.n_links)] = 0.0
             return change
 
         return work

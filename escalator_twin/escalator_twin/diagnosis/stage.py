@@ -8,7 +8,7 @@ from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import RATE_HZ, Setting
 from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of, turn_all
-from escalator_twin.diagnosis.loops import rack_shift
+from escalator_twin.diagnosis.loops import alike, built, rack_shift
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation, on_grid
 from escalator_twin.diagnosis.regression import fit, Fitted
@@ -16,9 +16,9 @@ from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.periodic import run_periodic
-from escalator_twin.physics.rollout import Simulation, Trace
+from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Experiment, Floats
-from escalator_twin.twin import make_simulation, run_twin
+from escalator_twin.twin import run_twin
 
 LARGEST = 2.5  # standard deviations that a tolerance is turned by; what is beyond is an effect's
 
@@ -40,6 +40,8 @@ class Stage:
         Tolerances that the model holds, standard deviations.
     rack_m : float
         Of the run that the recording was aligned with, see ``rack_shift``.
+    added : (n, c) float64 or None
+        To every run, on the observation's grid: see ``lean``.
     """
 
     machine: Machine
@@ -51,6 +53,7 @@ class Stage:
     knobs: tuple[Knob, ...]
     turned: dict[str, float]
     rack_m: float
+    added: Floats | None = None
 
     @property
     def machine_length(self) -> float:
@@ -76,7 +79,26 @@ class Stage:
 
         ``without`` names a tolerance that is not turned: the deviation stands for it.
         """
-        return self.on_grid(self.trace(deviations, without))
+        model = self.on_grid(self.trace(deviations, without))
+        return model if self.added is None else model + self.added
+
+    def lean(self, model: Floats) -> 'Stage':
+        """Return a stage on which further effects are tried at little cost.
+
+        What effects of single links do to the model is run no more but added to every run: beside
+        them the machine is the same after every pitch. To first order a further effect does the same
+        with them as without.
+
+        Parameters
+        ----------
+        model : (n, c) float64
+            Of this stage.
+        """
+        alone, _ = alike(self.machine, self.setting.experiment)
+        if len(alone.deviations) == len(self.machine.deviations):
+            return self
+        lean = replace(self, machine=alone)
+        return replace(lean, added=model - lean.run())
 
     def trace(self, deviations: tuple[Deviation, ...] = (), without: str | None = None) -> Trace:
         """Simulate the machine with more deviations."""
@@ -156,14 +178,9 @@ class Stage:
 
 def run_beside(machine: Machine, experiment: Experiment, setting: Setting) -> Trace:
     """Run a machine as a recording ran."""
-    simulation = make_simulation(machine, experiment)
-    sensors = machine.instruments.sensors
-    assert isinstance(simulation, Simulation)
-    trace = run_periodic(simulation, sensors, setting.start_s_m, setting.duration_s, RATE_HZ)
-    if trace is not None:
-        return trace
-    simulation = make_simulation(machine, experiment)
-    return run_twin(simulation, sensors, setting.start_s_m, setting.duration_s, RATE_HZ)
+    args = machine.instruments.sensors, setting.start_s_m, setting.duration_s, RATE_HZ
+    trace = run_periodic(built(machine, experiment), *args)
+    return trace if trace is not None else run_twin(built(machine, experiment), *args)
 
 
 def make_stage(

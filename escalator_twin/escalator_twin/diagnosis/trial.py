@@ -1,6 +1,6 @@
 """Run the twin with what a search proposes, and fit the best of it together with the tolerances."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -8,9 +8,11 @@ import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.context import Beside, beside, Context, LOCAL
+from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
 from escalator_twin.diagnosis.free import FREED, freed
+from escalator_twin.diagnosis.knobs import knobs_of
+from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import polish, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
@@ -21,7 +23,7 @@ from escalator_twin.machine import Deviation
 
 CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
 CLOSEST = 0.85  # the same of what was sought from afar
-STEPS_AT_LENGTH = 4  # of the last fit where every run takes the whole recording's length
+STEPS_AT_LENGTH = 5  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Causes that change the machine so much that its tolerances act otherwise.
 MOVES_RESONANCE = frozenset({
@@ -30,7 +32,11 @@ MOVES_RESONANCE = frozenset({
     'truss_resonance',
 })  # fmt: skip
 DRIVE = ('drive_hunting', 'drive_ripple')
+IN_TIME = ('drive_hunting',)
 SIDED = ('roller_drag', 'link_stiffness')  # whose two sides look alike but for the axle's racking
+
+
+Worth = Callable[[str, float], bool]
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,7 @@ def try_all(
     contenders: Sequence[Proposal],
     jobs: int,
     afar: Afar | None = None,
+    worth: Worth | None = None,
 ) -> list[Tried]:
     """Refine contenders with the twin, then fit the best together with everything else.
 
@@ -77,13 +84,16 @@ def try_all(
         Simulations at a time.
     afar : Afar, optional
         More of them, for the machine as described.
+    worth : callable, optional
+        Takes cause and gain of what was run: whether it is worth a fit with everything else.
 
     Returns
     -------
     tried : list of Tried
         Best first.
     """
-    stage, base, fitted = place.stage, place.model, place.fitted
+    base, fitted = place.model, place.fitted
+    stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
     stretches = [p for p in single if p.cause == 'guide_drag'][:1]  # its ends are looked for anew
     single = [p for p in single if p.cause != 'guide_drag']
@@ -94,17 +104,16 @@ def try_all(
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
             if r is not None
         ]
-        waves = pool.map(
-            lambda pair: refine_drive(stage, base, fitted.chi2, *pair), _pairs(contenders)
-        )
+        waves = pool.map(lambda pair: refine_drive(stage, base, fitted, *pair), _pairs(contenders))
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
+        leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
         share = max(1, jobs // max(1, len(leading)))
         fitted_again = list(
             pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading)
         )
-        fitted_again += _other_sides(context, place, known, leading, fitted_again, jobs)
+        fitted_again += _other_sides(place, known, leading, fitted_again, jobs)
         if afar is not None:
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
@@ -113,7 +122,6 @@ def try_all(
 
 
 def _other_sides(
-    context: Context,
     place: Beside,
     known: Sequence[Proposal],
     refined: Sequence[Refined],
@@ -135,13 +143,7 @@ def _other_sides(
     mirrored = replace(first, proposal=replace(best.proposal, location=other))
     turned = best.polished.place.stage.turned
     found = _fitted(best.polished.context, place, known, mirrored, turned, jobs)
-    if found.polished is None:
-        return []
-    whole = replace(
-        context,
-        responses=replace(context.responses, knobs=found.polished.context.responses.knobs),
-    )
-    return [replace(found, polished=replace(found.polished, context=whole))]
+    return [] if found.polished is None else [found]
 
 
 def _tried_afar(
@@ -188,10 +190,13 @@ def _fitted(
     ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
     """
     if refined.proposal.cause in DRIVE:
-        return _realigned(context, place, refined)
+        wave = _realigned(context, place, refined)
+        if refined.proposal.cause in IN_TIME:
+            return wave  # the twin's own clock knows no wander: it cannot be run at every step
+        refined = replace(refined, proposal=wave.proposal, gain=wave.gain, sd=wave.sd)
     of_machine = [k for k in known if KNOWN[k.cause].of_machine]
-    again = [k for k in of_machine if k.cause not in DRIVE]
-    fixed = [k for k in of_machine if k.cause in DRIVE]
+    again = [k for k in of_machine if k.cause not in IN_TIME]
+    fixed = [k for k in of_machine if k.cause in IN_TIME]
     before = place.stage.judged(place.fitted, refined.proposal.cause)
     try:
         polished = polish(
@@ -210,7 +215,23 @@ def _fitted(
     gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
     if turned is None and gain <= 0.5 * refined.gain:
         return _plain(refined)
-    return Tried(proposal, gain, polished.sd[-1], polished)
+    return Tried(proposal, gain, _with_rest(context, polished.sd[-1]), polished)
+
+
+def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
+    """Return spreads with what the carriage's place at rest adds to a stop's.
+
+    The sensor's zero is arbitrary: the data tell where in the motion the stop is, and tolerances of
+    length where the motion is.
+    """
+    if 'displacement_m' not in sd:
+        return sd
+    machine, nominal = context.machine, context.nominal
+    responses = context.responses if nominal is None else nominal.responses
+    moved = [s.quantity == 'carriage_displacement' for s in machine.instruments.sensors]
+    knobs = [knob.name for knob in knobs_of(machine, context.setting.experiment)]
+    rest = [responses.knobs[name][:, moved].mean() for name in knobs if name in responses.knobs]
+    return {**sd, 'displacement_m': float(np.hypot(sd['displacement_m'], np.linalg.norm(rest)))}
 
 
 def _realigned(context: Context, place: Beside, refined: Refined) -> Tried:
@@ -224,8 +245,9 @@ def _realigned(context: Context, place: Beside, refined: Refined) -> Tried:
     if bare.white_nuisance.shape[1] == place.stage.white_nuisance.shape[1]:
         bare = replace(bare, white_nuisance=bare.white_nuisance * _widths(place))
     in_time = refined.proposal.cause == 'drive_hunting'
-    again = refine_wave(bare, bare.run(), place.fitted.chi2, refined.proposal, in_time)
-    gain = place.fitted.chi2 - again.fitted.chi2
+    again = refine_wave(bare, bare.run(), place.fitted, refined.proposal, in_time)
+    cause = refined.proposal.cause
+    gain = place.stage.judged(place.fitted, cause) - bare.judged(again.fitted, cause)
     return _plain(replace(again, gain=gain) if gain > refined.gain else refined)
 
 

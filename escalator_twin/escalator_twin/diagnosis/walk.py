@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from escalator_twin.diagnosis.afar import look_afar
 from escalator_twin.diagnosis.context import Beside, beside, Context, tuned
@@ -31,6 +32,7 @@ SHARE_OF_KIN = 0.3
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 SAME_M = 0.25  # of the guide: what contracts.md takes for the same place
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
+FITTED = 2.0  # times the gain of one run: what fitting it with the tolerances may make of it
 KIN = (
     frozenset({
         'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
@@ -157,7 +159,8 @@ def walk(
             afar = replace(afar, proposals=choose(afar.proposals))
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
-        tried = bench.attempt(context, place, known, chosen, jobs, afar)
+        worth = partial(_is_worth_fitting, found=found)
+        tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
         weighed = weigh(_candidates(proposals, tried))
         if say is not None:
             for row in weighed[:4]:
@@ -209,6 +212,11 @@ def _may_stand(proposal: Proposal, found: Sequence[Found]) -> bool:
     return not is_left_over(proposal.cause, HOPE * proposal.gain, found)
 
 
+def _is_worth_fitting(cause: str, gain: float, found: Sequence[Found]) -> bool:
+    """Tell whether an effect that was run once may, fitted with all else, still be one."""
+    return not is_left_over(cause, FITTED * gain, found)
+
+
 def is_left_over(cause: str, gain: float, found: Sequence[Found]) -> bool:
     """Tell whether a further effect is no more than what an accepted law leaves."""
     if cause in ONE_GAUGE:
@@ -230,7 +238,8 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
         context.setting.experiment.direction,
     )
     is_left = is_open(place, context.floor)
-    search = Search(view, place.fitted, place.stage, place.model, jobs, is_left)
+    stage = place.stage.lean(place.model)
+    search = Search(view, place.fitted, stage, place.model, jobs, is_left)
     return search_all(search, FAMILIES)
 
 

@@ -52,8 +52,9 @@ class Pitch:
     length_m : float
         Of the loop.
     rack_m : float
-        Travel of the rack at the pitch's beginning.
-    rack_speed_m_s : float
+        Travel of the rack at the pitch's beginning, a dog counted as a pitch.
+    speed_m_s : float
+        Of the chain, signed.
     """
 
     rows: Floats
@@ -63,7 +64,7 @@ class Pitch:
     direction: int
     length_m: float
     rack_m: float
-    rack_speed_m_s: float
+    speed_m_s: float
 
     @property
     def n_links(self) -> int:
@@ -82,12 +83,12 @@ class Pitch:
         order = (run.ACCEL_X, run.ACCEL_Y, run.ACCEL_Z, run.PLACE)
         return 1 + (2 + order.index(kind)) * n + place
 
-    def places(self, axle: int = 0) -> tuple[Floats, Floats]:
-        """Return times from the pitch's beginning, and an axle's unwrapped places, over a loop."""
+    def places(self) -> tuple[Floats, Floats]:
+        """Return times from the pitch's beginning, and axle 0's unwrapped places, over a loop."""
         first = round(self.margin_s * self.rate_hz)
         count = int(self.period_s * self.rate_hz)
         inside = np.arange(first, first + count)
-        probe = np.array([run.PLACE, axle, 0])
+        probe = np.array([run.PLACE, 0, 0])
         columns = [self.column(probe, j) for j in range(self.n_links + 1)]
         where = self.rows[inside][:, columns].T.ravel()
         times = (inside / self.rate_hz - self.margin_s) + self.period_s * np.arange(
@@ -158,7 +159,8 @@ def record_pitch(
         Where the machine cannot be started.
     """
     p, length = simulation.parameters, simulation.path.length_m
-    period = p.pitch_m / abs(p.speed)
+    speed = simulation.chain_speed_m_s
+    period = p.pitch_m / abs(speed)
     margin = (np.ceil(margin_s * rate_hz) + 2.0) / rate_hz
     every = np.array([(run.EVERYTHING, 0, 0)], dtype=np.int64)
     if not goes_on:
@@ -168,9 +170,9 @@ def record_pitch(
     carriage = np.concatenate([lead[:, 2], rows[:, 2]])
     if not _repeats(carriage, period * rate_hz):
         return None
-    rack = float(rows[0, 1]) + p.speed * margin
-    direction = int(np.sign(p.speed))
-    return Pitch(rows[:, 2:], rate_hz, margin, period, direction, length, rack, p.speed)
+    rack = float(rows[0, 1]) * simulation.dog_pitch + speed * margin
+    direction = int(np.sign(speed))
+    return Pitch(rows[:, 2:], rate_hz, margin, period, direction, length, rack, speed)
 
 
 def run_periodic(
@@ -198,7 +200,7 @@ def run_periodic(
     probes = np.array([probe_of(s, n) for s in sensors] + [(run.PLACE, 0, 0)], dtype=np.int64)
     record = pitch.at(late + clock, probes)
     place = np.unwrap(record[:, -1], period=pitch.length_m)
-    rack = pitch.rack_m + pitch.rack_speed_m_s * late
+    rack = pitch.rack_m + pitch.speed_m_s * late
     return Trace(clock, record[:, :-1], place, rack)
 
 

@@ -78,7 +78,8 @@ class Trace:
     place_m : (n,) float64
         Path coordinate of axle 0, mean of both sides, unwrapped in time.
     rack_m : float
-        The rack's travel at the start, signed, m: where its dogs stand, modulo their spacing.
+        The rack's travel at the start, signed, m, a dog counted as a pitch: where its dogs stand,
+        modulo the pitch.
     """
 
     time_s: Floats
@@ -150,8 +151,12 @@ class Simulation:
     @property
     def chain_speed_m_s(self) -> float:
         """Mean speed of the chain: a pitch for every dog of the rack or seat of the wheel."""
-        p = self.parameters
-        return p.speed * p.pitch_m / p.dog_spacing
+        return self.parameters.speed * self.dog_pitch
+
+    @property
+    def dog_pitch(self) -> float:
+        """Travel of the chain over that of the rack: seats of a wheel lie further than a pitch."""
+        return self.parameters.pitch_m / self.parameters.dog_spacing
 
     def start(self, start_s_m: float, settle_s: float = SETTLE_S) -> None:
         """Put axle 0 at a path coordinate, at speed, transients gone.
@@ -284,7 +289,7 @@ class Simulation:
         """Run and record sensors beside the way of axle 0."""
         n = self.machine.chain.n_links
         probes = np.array([probe_of(s, n) for s in sensors] + [(run.PLACE, 0, 0)], dtype=np.int64)
-        rack = float(self.state.rack[TRAVEL])
+        rack = float(self.state.rack[TRAVEL]) * self.dog_pitch
         record = self.advance(duration_s, rate_hz, probes)
         length = self.path.length_m
         place = np.unwrap(record[:, -1], period=length)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import chi2
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.bodies.context import (
@@ -33,7 +32,7 @@ from escalator_twin.diagnosis.floor import (
     measure_level,
     write_floor,
 )
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import false_fall
 from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
 from escalator_twin.diagnosis.unexplained import by_channel
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
@@ -167,19 +166,9 @@ def temperature_of(contexts: Sequence[BodyContext], machine: Machine, floor: Flo
         for context in contexts:
             there = replace(context, floor=at)
             place = aligned(there, machine, there.base)
-            ratios.append(false_fall(propose(there, place, 1)))
+            ratios.append(false_fall(propose(there, place, 1), PLACES))
         heat = max(1.0, heat * float(np.mean(ratios)))
     return heat
-
-
-def false_fall(proposals: Sequence[Proposal]) -> float:
-    """Return the largest fall by a part that no good machine has, over that of white noise.
-
-    Of causes at a place, since the good machines have a little of every other one.
-    """
-    false = [p for p in proposals if p.cause in PLACES]
-    columns = sum({p.cause: p.places for p in false}.values())
-    return max(p.gain for p in false) / float(chi2.ppf(0.5 ** (1.0 / columns), 1))
 
 
 def mean_of(rows: Sequence[Seen]) -> tuple[float, float]:

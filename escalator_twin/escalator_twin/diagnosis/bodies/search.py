@@ -128,9 +128,10 @@ def attempt(
     contenders: Sequence[Proposal],
     jobs: int,
     afar: object = None,
+    worth: object = None,
 ) -> list[Tried]:
     """Refine contenders with the twin itself; tolerances stay linear beside them."""
-    del context, known, afar
+    del context, known, afar, worth
     names, knobs = place.stage.nuisance.names, [knob.name for knob in place.stage.knobs]
     before = bounded_chi2(place.fitted, names, knobs)
 
