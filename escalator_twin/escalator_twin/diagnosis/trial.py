@@ -18,6 +18,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
+from escalator_twin.diagnosis.turns import best_turn
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
@@ -96,9 +97,11 @@ def try_all(
     stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
     stretches = [p for p in single if p.cause == 'guide_drag'][:1]  # its ends are looked for anew
-    single = [p for p in single if p.cause != 'guide_drag']
+    flats = [p for p in single if p.cause == 'roller_flat'][:1]  # and the angle of a spot
+    single = [p for p in single if p.cause not in ('guide_drag', 'roller_flat')]
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         single += pool.map(lambda p: best_stretch(stage, base, fitted, p), stretches)
+        single += pool.map(lambda p: best_turn(stage, base, fitted, p), flats)
         first = [
             r
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)

@@ -1,0 +1,69 @@
+"""Look for the angle of a roller's flat spot with the twin itself.
+
+The spot is narrow, 20 deg, and what it does bends with its depth: by the responses alone it may come
+out next to where it is, where no small step explains more.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regression import Fitted, score_each
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.errors import EscalatorError
+from escalator_twin.signals import Floats
+
+PHASES = tuple(0.12 * k for k in range(-6, 7))  # rad, beside the proposed one
+SLIPS = (-2.4e-4, -1.2e-4, 1.2e-4, 2.4e-4)  # beside the proposed one
+
+
+def best_turn(stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal) -> Proposal:
+    """Return a flat spot at the angle and with the slip that explain most.
+
+    Parameters
+    ----------
+    stage : Stage
+    base : (n, c) float64
+        Its model.
+    fitted : Fitted
+        What that leaves, with the nuisance.
+    proposal : Proposal
+        Of a flat spot.
+    """
+    first = _best(stage, base, fitted, [_turned(proposal, way, 0.0) for way in PHASES])
+    if first is None:
+        return proposal
+    # a slip turns the spot about where it is in the middle of the recording
+    middle = stage.setting.experiment.direction * float(stage.observation.travel_m.mean())
+    middle /= 0.5 * stage.machine.roller.diameter_m
+    slipping = [_turned(first, -slip * middle, slip) for slip in SLIPS]
+    return _best(stage, base, fitted, [first, *slipping]) or first
+
+
+def _turned(proposal: Proposal, way: float, slip: float) -> Proposal:
+    parameters = dict(proposal.parameters)
+    parameters['phase_rad'] = (parameters['phase_rad'] + way + np.pi) % (2.0 * np.pi) - np.pi
+    parameters['slip'] = parameters.get('slip', 0.0) + slip
+    return replace(proposal, parameters=parameters)
+
+
+def _best(
+    stage: Stage, base: Floats, fitted: Fitted, proposals: Sequence[Proposal]
+) -> Proposal | None:
+    """Return the proposal that explains most, with its depth; None if none explains anything."""
+    tried: list[Proposal] = []
+    for one in proposals:
+        depth = one.parameters['depth_m']
+        if depth <= 0.0:
+            continue
+        try:
+            change = (stage.run((one.deviation,)) - base) / depth
+        except EscalatorError:
+            continue
+        score = score_each(fitted, stage.columns(change[:, :, None], one.cause))
+        size, gain = float(score.size[0]), float(score.gain[0])
+        if size > 0.0:
+            tried.append(replace(one, parameters={**one.parameters, 'depth_m': size}, gain=gain))
+    return max(tried, key=lambda p: p.gain, default=None)
