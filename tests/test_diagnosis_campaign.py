@@ -11,13 +11,12 @@ from escalator_twin.diagnosis.campaign import (
     decide,
     joint_gain,
     pooled,
-    same,
     told_jointly,
     union_of,
 )
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.heldout import HeldOut
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.walk import Found
 from escalator_twin.signals import Experiment
 
@@ -77,16 +76,16 @@ def test_places_along_the_guide_are_pooled_and_phases_are_not():
 
 
 def test_nearby_places_of_the_guide_are_one_and_others_are_not():
-    assert same(step(3.0), step(3.2))
-    assert not same(step(3.0), step(3.5))
-    assert not same(step(3.0), drag())
-    assert not same(drag(axle=44), drag(axle=45))
+    assert same_place(step(3.0), step(3.2))
+    assert not same_place(step(3.0), step(3.5))
+    assert not same_place(step(3.0), drag())
+    assert not same_place(drag(axle=44), drag(axle=45))
     loads = [
         Proposal('load_distribution', {'steps': steps}, {'load_factor': 0.0}, 1.0)
         for steps in ([2, 3, 4], [3, 4, 5], [12, 13, 14])
     ]
-    assert same(loads[0], loads[1])
-    assert not same(loads[0], loads[2])
+    assert same_place(loads[0], loads[1])
+    assert not same_place(loads[0], loads[2])
 
 
 def test_union_holds_every_named_effect_once_and_leaves_doubts_out():

@@ -16,7 +16,7 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.confirm import Confirmed
 from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
 from escalator_twin.diagnosis.faults import Fault
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import LAW_ERROR, told, told_fault
 from escalator_twin.diagnosis.walk import Found
 from escalator_twin.signals import Experiment, Floats
@@ -25,7 +25,6 @@ SCOUTS = 4
 # One scout in four may name what it alone shows: with three scouts or more, and nobody left to
 # confirm it, a cause needs two of them.
 MANY = 3
-S_SAME_M = 0.3
 SURE_SD = 3.0  # standard deviations from neutral at which other recordings confirm an effect
 LEAST_PART = 0.4  # of the scouts' size that the others must find
 BLIND = 0.5  # of the size: a standard deviation beyond which the others say nothing
@@ -86,7 +85,7 @@ def union_of(scouts: Sequence[Diagnosis]) -> list[list[tuple[Found, float]]]:
             if probability < NAMED:
                 continue
             row = (found, probability)
-            home = next((g for g in groups if same(g[0][0].proposal, found.proposal)), None)
+            home = next((g for g in groups if same_place(g[0][0].proposal, found.proposal)), None)
             if home is None:
                 groups.append([row])
             else:
@@ -94,23 +93,6 @@ def union_of(scouts: Sequence[Diagnosis]) -> list[list[tuple[Found, float]]]:
     for group in groups:
         group.sort(key=lambda row: -row[1])
     return sorted(groups, key=lambda g: (-len(g), -g[0][1]))
-
-
-def same(one: Proposal, other: Proposal) -> bool:
-    """Tell whether two effects are one cause at one place."""
-    if one.cause != other.cause or set(one.location) != set(other.location):
-        return False
-    for key, value in one.location.items():
-        theirs = other.location[key]
-        if isinstance(value, float) and isinstance(theirs, float):
-            if abs(value - theirs) > S_SAME_M:
-                return False
-        elif isinstance(value, list) and isinstance(theirs, list):
-            if len(set(value) ^ set(theirs)) > 2:
-                return False
-        elif value != theirs:
-            return False
-    return True
 
 
 def pooled(rows: Sequence[tuple[Proposal, Mapping[str, float]]]) -> Found:

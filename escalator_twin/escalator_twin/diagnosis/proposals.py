@@ -7,6 +7,9 @@ from scipy.stats import chi2
 
 from escalator_twin.machine import Deviation
 
+SAME_M = 0.25  # of the guide: what contracts.md takes for the same place
+SAME_LINKS = 2  # more or fewer, of a stretch of the chain
+
 
 @dataclass(frozen=True)
 class Proposal:
@@ -40,6 +43,23 @@ class Proposal:
     def deviation(self) -> Deviation:
         """The proposal as part of a machine description."""
         return Deviation(self.cause, dict(self.parameters), dict(self.location))
+
+
+def same_place(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two proposals are of one cause at one place, as far as places are told apart."""
+    if one.cause != other.cause or one.location.keys() != other.location.keys():
+        return False
+    for key, value in one.location.items():
+        there = other.location[key]
+        if isinstance(value, float) and isinstance(there, float):
+            if abs(value - there) > SAME_M:
+                return False
+        elif isinstance(value, list) and isinstance(there, list):
+            if len(set(value) ^ set(there)) > SAME_LINKS:
+                return False
+        elif value != there:
+            return False
+    return True
 
 
 def false_fall(proposals: Sequence[Proposal], causes: Container[str]) -> float:

@@ -214,11 +214,13 @@ def _fitted(
         )
     except EscalatorError:
         return _plain(refined)
+    spreads = tuple(_with_rest(context, sd) for sd in polished.sd)
+    polished = replace(polished, sd=spreads)
     proposal = polished.effects[-1]
     gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
     if turned is None and gain <= 0.5 * refined.gain:
         return _plain(refined)
-    return Tried(proposal, gain, _with_rest(context, polished.sd[-1]), polished)
+    return Tried(proposal, gain, spreads[-1], polished)
 
 
 def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:

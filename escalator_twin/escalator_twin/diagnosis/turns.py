@@ -4,15 +4,14 @@ The spot is narrow, 20 deg, and what it does bends with its depth: by the respon
 out next to where it is, where no small step explains more.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regression import Fitted, score_each
+from escalator_twin.diagnosis.regression import Fitted
+from escalator_twin.diagnosis.scan import best_variant
 from escalator_twin.diagnosis.stage import Stage
-from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
 PHASES = tuple(0.12 * k for k in range(-6, 7))  # rad, beside the proposed one
@@ -32,14 +31,14 @@ def best_turn(stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal) ->
     proposal : Proposal
         Of a flat spot.
     """
-    first = _best(stage, base, fitted, [_turned(proposal, way, 0.0) for way in PHASES])
+    first = best_variant(stage, base, fitted, [_turned(proposal, way, 0.0) for way in PHASES])
     if first is None:
         return proposal
     # a slip turns the spot about where it is in the middle of the recording
     middle = stage.setting.experiment.direction * float(stage.observation.travel_m.mean())
     middle /= 0.5 * stage.machine.roller.diameter_m
     slipping = [_turned(first, -slip * middle, slip) for slip in SLIPS]
-    return _best(stage, base, fitted, [first, *slipping]) or first
+    return best_variant(stage, base, fitted, [first, *slipping]) or first
 
 
 def _turned(proposal: Proposal, way: float, slip: float) -> Proposal:
@@ -47,23 +46,3 @@ def _turned(proposal: Proposal, way: float, slip: float) -> Proposal:
     parameters['phase_rad'] = (parameters['phase_rad'] + way + np.pi) % (2.0 * np.pi) - np.pi
     parameters['slip'] = parameters.get('slip', 0.0) + slip
     return replace(proposal, parameters=parameters)
-
-
-def _best(
-    stage: Stage, base: Floats, fitted: Fitted, proposals: Sequence[Proposal]
-) -> Proposal | None:
-    """Return the proposal that explains most, with its depth; None if none explains anything."""
-    tried: list[Proposal] = []
-    for one in proposals:
-        depth = one.parameters['depth_m']
-        if depth <= 0.0:
-            continue
-        try:
-            change = (stage.run((one.deviation,)) - base) / depth
-        except EscalatorError:
-            continue
-        score = score_each(fitted, stage.columns(change[:, :, None], one.cause))
-        size, gain = float(score.size[0]), float(score.gain[0])
-        if size > 0.0:
-            tried.append(replace(one, parameters={**one.parameters, 'depth_m': size}, gain=gain))
-    return max(tried, key=lambda p: p.gain, default=None)

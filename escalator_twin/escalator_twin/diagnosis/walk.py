@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import MOVES_RESONANCE, Tried, try_all
 from escalator_twin.diagnosis.unexplained import is_open
@@ -30,7 +30,6 @@ SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
-SAME_M = 0.25  # of the guide: what contracts.md takes for the same place
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
 FITTED = 2.0  # times the gain of one run: what fitting it with the tolerances may make of it
 KIN = (
@@ -281,20 +280,6 @@ def _candidates(
         else:
             rows.append((proposal, proposal.gain))
     return rows
-
-
-def same_place(one: Proposal, other: Proposal) -> bool:
-    """Tell whether two proposals are of one cause at one place, as far as places are told apart."""
-    if one.cause != other.cause or one.location.keys() != other.location.keys():
-        return False
-    for key, value in one.location.items():
-        there = other.location[key]
-        if isinstance(value, float) and isinstance(there, float):
-            if abs(value - there) > SAME_M:
-                return False
-        elif value != there:
-            return False
-    return True
 
 
 def _place(proposal: Proposal) -> str:
