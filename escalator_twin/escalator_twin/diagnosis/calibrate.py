@@ -18,7 +18,7 @@ import numpy as np
 from scipy import fft
 
 from escalator_twin import bagfile
-from escalator_twin.diagnosis.context import Context, prepare, prepare_tolerances, shares_of, tuned
+from escalator_twin.diagnosis.context import Context, shares_of
 from escalator_twin.diagnosis.floor import (
     cell_of,
     CELLS,
@@ -32,8 +32,10 @@ from escalator_twin.diagnosis.floor import (
     write_floor,
 )
 from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.preparation import prepare, prepare_tolerances
 from escalator_twin.diagnosis.proposals import false_fall
 from escalator_twin.diagnosis.responses import ALL_PLACES
+from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import by_channel
 from escalator_twin.diagnosis.walk import propose
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance

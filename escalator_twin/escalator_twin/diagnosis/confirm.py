@@ -17,8 +17,6 @@ from escalator_twin.diagnosis.context import (
     Beside,
     beside,
     Context,
-    prepare_tolerances,
-    tuned,
     with_own_tolerances,
 )
 from escalator_twin.diagnosis.drive import refine_wave
@@ -27,6 +25,7 @@ from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import HeldOut, hold_out
 from escalator_twin.diagnosis.polish import increments
+from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.regression import inner_products, inverse
@@ -35,6 +34,7 @@ from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.trial import DRIVE, MOVES_RESONANCE
+from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import look, Unexplained
 from escalator_twin.diagnosis.view import View
 from escalator_twin.machine import Machine

@@ -7,7 +7,7 @@ import numpy as np
 
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.judge import judge, Judgement
-from escalator_twin.comparison.locate import locate, Setting
+from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Frame, LOCAL
@@ -16,11 +16,9 @@ from escalator_twin.diagnosis.observation import Observation, observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.responses import (
     find_knobs,
-    find_responses,
-    Progress,
+    KNOB_STEP,
     RAIL,
     Responses,
-    tolerances_only,
 )
 from escalator_twin.diagnosis.stage import make_stage, run_beside, Stage
 from escalator_twin.diagnosis.view import NO_PROBES, View
@@ -32,10 +30,28 @@ from escalator_twin.signals import Floats, Recording
 TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
 STEP_SHARES = (1.0, 0.4)
-ROUNDS = 2  # of taking the tolerances' effect anew
-WEAK = 2.0  # chi squared of one standard deviation
-WORTH_A_ROUND = 0.05  # of chi squared: a round that gains less is the last one
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
+
+
+@dataclass(frozen=True)
+class Own:
+    """What tolerances do to a machine with effects of single links, run beside one recording.
+
+    Attributes
+    ----------
+    index : (n,) int64
+        Grid points of the observation that it was run beside.
+    columns : mapping of tolerance to (n, c) float32
+        By one standard deviation.
+    """
+
+    index: np.ndarray
+    columns: Mapping[str, np.ndarray]
+
+    def at(self, index: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the columns at other grid points: an alignment moves the ends by a few."""
+        rows = np.clip(index - self.index[0], 0, len(self.index) - 1)
+        return {name: found[rows] for name, found in self.columns.items()}
 
 
 @dataclass(frozen=True)
@@ -58,6 +74,8 @@ class Context:
         The same with no tolerance turned.
     weak : frozenset of str
         Tolerances that hardly show in this recording: what they do is not taken anew.
+    own : Own or None
+        In the place of what ``responses`` says of tolerances.
     """
 
     recording: Recording
@@ -69,6 +87,7 @@ class Context:
     place: 'Beside | None' = None
     nominal: 'Nominal | None' = None
     weak: frozenset[str] = frozenset()
+    own: Own | None = None
 
     @property
     def frame(self) -> Frame:
@@ -109,75 +128,6 @@ class Nominal:
 
     place: Beside
     responses: Responses
-
-
-def prepare(
-    recording: Recording,
-    machine: Machine,
-    floor: Floor,
-    jobs: int = 1,
-    progress: Progress | None = None,
-    setting: Setting | None = None,
-) -> Context:
-    """Place a recording, tune the machine within its tolerances, find what every cause does to it.
-
-    Raises
-    ------
-    RecordingError, SynchronisationError
-        Where the recording cannot be placed.
-    """
-    context = prepare_tolerances(recording, machine, floor, jobs, setting)
-    start = beside(context, steps=0)
-    nominal = Nominal(start, context.responses)
-    context = replace(context, weak=_weak(start.stage))
-    context, place = tuned(context, jobs=jobs, start=start)
-    experiment = context.setting.experiment
-    knobs = knobs_of(machine, experiment)
-    turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
-    responses = find_responses(turned_machine, turned, context.responses.knobs, jobs, progress)
-    return replace(context, responses=responses, place=place, nominal=nominal)
-
-
-def _weak(stage: Stage) -> frozenset[str]:
-    """Return the tolerances of which one standard deviation hardly shows."""
-    power = np.sum(stage.white_nuisance**2, axis=0)
-    knobs = {knob.name for knob in stage.knobs}
-    return frozenset(
-        name
-        for name, p in zip(stage.nuisance.names, power, strict=True)
-        if name in knobs and p < WEAK
-    )
-
-
-def prepare_tolerances(
-    recording: Recording,
-    machine: Machine,
-    floor: Floor,
-    jobs: int = 1,
-    setting: Setting | None = None,
-) -> Context:
-    """Place a recording and find what the tolerances of the machine as described do.
-
-    Raises
-    ------
-    RecordingError, SynchronisationError
-        Where it cannot be placed.
-    """
-    setting = setting or locate(recording, machine)
-    responses = tolerances_only(machine, setting.experiment, jobs)
-    start = start_in(setting, responses)
-    return Context(recording, machine, setting, responses, floor, start)
-
-
-def start_in(setting: Setting, responses: Responses) -> float:
-    """Return the travel in the responses' loop at which the twin's run begins."""
-    frame, base = responses.frame, responses.base
-    direction = setting.experiment.direction
-    way = direction * np.append(base.place_m, base.place_m[0] + base.rolled_m)
-    length = abs(base.rolled_m)
-    target = way[0] + (direction * setting.start_s_m - way[0]) % length
-    grid = np.arange(frame.n_loop + 1) * frame.spacing_m
-    return float(np.interp(target, way, grid))
 
 
 def beside(
@@ -244,7 +194,8 @@ def _aligned(
     observation = observe(setting, judgement, machine, context.frame, context.start_m)
     columns = {s.channel: i for i, s in enumerate(machine.instruments.sensors)}
     model = on_grid(trace, setting.experiment.set_speed_m_s, observation, columns)
-    nuisance = make_nuisance(observation, model, context.responses, machine)
+    own = {} if context.own is None else context.own.at(observation.index)
+    nuisance = make_nuisance(observation, model, context.responses, machine, own)
     shares = shares_of(context, observation)
     whiten = make_whitener(observation, machine, context.floor, shares=shares)
     stage = make_stage(machine, setting, observation, nuisance, whiten, trace.rack_m)
@@ -272,12 +223,15 @@ def with_own_tolerances(
     deviations: tuple[Deviation, ...],
     jobs: int = 1,
     turned: Mapping[str, float] | None = None,
+    step: float = KNOB_STEP,
+    with_rails: bool = True,
 ) -> Context:
     """Return the context whose tolerances act as in the machine with deviations.
 
     A deviation of one link, axle or step, or a wave of the drive, changes next to nothing of that and
     is left out: the rest is the same machine after every pitch, and quickly run.
-    ``turned`` holds the tolerances that it has used up, standard deviations.
+    ``turned`` holds the tolerances that it has used up, standard deviations; ``step`` is by how
+    much more each is turned. Without rails, what these do is kept.
     """
     machine = apply(context.machine, tuple(d for d in deviations if d.cause not in LOCAL))
     experiment = context.setting.experiment
@@ -285,53 +239,9 @@ def with_own_tolerances(
         machine, experiment, knobs_of(machine, experiment), turned or {}
     )
     speed = context.responses.frame.speed_m_s
-    knobs = find_knobs(turned_machine, setting, speed, jobs, context.weak)
-    kept = {k: v for k, v in context.responses.knobs.items() if not k.startswith(RAIL)}
+    knobs = find_knobs(turned_machine, setting, speed, jobs, context.weak, step, with_rails)
+    kept = {
+        k: v for k, v in context.responses.knobs.items() if not (with_rails and k.startswith(RAIL))
+    }
     knobs = {**kept, **knobs}
-    return replace(context, responses=replace(context.responses, knobs=knobs))
-
-
-def tuned(
-    context: Context,
-    deviations: tuple[Deviation, ...] = (),
-    jobs: int = 1,
-    turned: Mapping[str, float] | None = None,
-    start: Beside | None = None,
-) -> tuple[Context, Beside]:
-    """Tune the tolerances of a machine, their effect taken anew where the tuning has led.
-
-    Near a resonance of carriage and chain a tolerance acts otherwise at two standard deviations
-    than at none.
-
-    Parameters
-    ----------
-    context : Context
-    deviations : tuple of Deviation
-    jobs : int
-        Simulations at a time.
-    turned : mapping of tolerance to float, optional
-        Where the tuning begins, standard deviations.
-    start : Beside, optional
-        That machine with these tolerances, where it was aligned already.
-
-    Returns
-    -------
-    context : Context
-        Whose tolerances act as they do there.
-    place : Beside
-    """
-    place = beside(context, deviations, turned=turned, start=start)
-    for _ in range(ROUNDS):
-        tolerances = (k for k in context.responses.knobs if not k.startswith(RAIL))
-        way = {k: place.stage.turned.get(k, 0.0) for k in tolerances}
-        if max(map(abs, way.values()), default=0.0) < FAR_TURNED:
-            break
-        nearer = with_own_tolerances(context, deviations, jobs, way)
-        after = beside(nearer, deviations, turned=way)
-        gained = quiet_chi2(place) - quiet_chi2(after)
-        if gained <= 0.0:
-            break
-        context, place = nearer, after
-        if gained < WORTH_A_ROUND * quiet_chi2(place):
-            break
-    return context, place
+    return replace(context, responses=replace(context.responses, knobs=knobs), own=None)

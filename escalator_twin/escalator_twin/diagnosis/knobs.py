@@ -9,6 +9,10 @@ from escalator_twin.signals import Experiment
 
 SMALLEST = 0.05  # of a value: no draw of a tolerance turns a stiffness negative
 
+# A tolerance that does nothing to a machine whose sides are alike, and much to what one side's part
+# does to the other.
+RACKING = 'chain.racking_stiffness_n_m'
+
 Turn = Callable[[Machine, Experiment, float], tuple[Machine, Experiment]]
 
 

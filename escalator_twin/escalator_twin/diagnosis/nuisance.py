@@ -37,7 +37,11 @@ class Nuisance:
 
 
 def make_nuisance(
-    observation: Observation, model: Floats, responses: Responses, machine: Machine
+    observation: Observation,
+    model: Floats,
+    responses: Responses,
+    machine: Machine,
+    own: Mapping[str, np.ndarray] | None = None,
 ) -> Nuisance:
     """Return all that may differ between a good machine, well measured, and the twin.
 
@@ -48,11 +52,13 @@ def make_nuisance(
         The twin on the observation's grid.
     responses : Responses
     machine : Machine
+    own : mapping of tolerance to (n, c) float32, optional
+        What it does, in the place of what the responses say.
     """
     wrapped = observation.index % observation.frame.n_loop
     order = _positions(observation, machine)
     knobs = {name: found[wrapped][:, order] for name, found in responses.knobs.items()}
-    return nuisance_of(observation, model, knobs, machine)
+    return nuisance_of(observation, model, {**knobs, **(own or {})}, machine)
 
 
 def nuisance_of(

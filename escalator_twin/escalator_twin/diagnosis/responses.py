@@ -236,10 +236,13 @@ def find_knobs(
     speed_m_s: float,
     jobs: int = 1,
     left_out: Container[str] = (),
+    step: float = KNOB_STEP,
+    with_rails: bool = True,
 ) -> dict[str, Columns]:
     """Simulate one loop for every tolerance of a machine with its deviations, and for its rail.
 
-    A deviation that moves a resonance changes what the tolerances do.
+    A deviation that moves a resonance changes what the tolerances do. ``step``, in standard
+    deviations, is the tolerances' difference.
     """
     frame = Frame.of(machine, speed_m_s)
     experiment = replace(experiment, set_speed_m_s=speed_m_s)
@@ -249,9 +252,9 @@ def find_knobs(
 
     def task(knob: Knob) -> Callable[[], Columns]:
         def work() -> Columns:
-            turned, setting = knob.turn(machine, experiment, KNOB_STEP)
+            turned, setting = knob.turn(machine, experiment, step)
             loop = simulate_loop(turned, setting, frame, seen, (), base.rack_m)
-            change: Columns = (loop.columns - base.columns) / np.float32(KNOB_STEP)
+            change: Columns = (loop.columns - base.columns) / np.float32(step)
             change[:, shaken] = 0.0
             return change
 
@@ -259,9 +262,12 @@ def find_knobs(
 
     knobs = [knob for knob in knobs_of(machine, experiment) if knob.name not in left_out]
     found = _run({knob.name: task(knob) for knob in knobs}, jobs, None)
+    columns = {knob.name: found[knob.name] for knob in knobs}
+    if not with_rails:
+        return columns
     rails = rail_columns(machine, experiment, frame, jobs)
     return {
-        **{knob.name: found[knob.name] for knob in knobs},
+        **columns,
         **{f'{RAIL}{k}': rails[:, :, k] for k in range(rails.shape[2])},
     }
 

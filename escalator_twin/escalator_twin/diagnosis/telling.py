@@ -144,7 +144,7 @@ def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
     if np.isfinite(size):
         side = for_it if size >= EFFECT_TOLERANCES else against
         side.append(f'its size is {size:.1f} tolerances of a good machine')
-    if weighed.gain < best:
+    if weighed.gain < best and best > 0.0:
         against.append(f'that is {weighed.gain / best:.0%} of what the accepted one explains')
     if weighed.proposal.places > 1:
         against.append(f'chosen among {weighed.proposal.places} places')

@@ -13,8 +13,8 @@ from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
 from escalator_twin.diagnosis.free import FREED, freed
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import polish, Polished, STEPS
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.polish import polish, polish_whole, Polished, STEPS
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
@@ -24,8 +24,11 @@ from escalator_twin.machine import Deviation
 
 CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
 CLOSEST = 0.85  # the same of what was sought from afar
-STEPS_AT_LENGTH = 5  # of the last fit where every run takes the whole recording's length
+STEPS_AT_LENGTH = 3  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
+# Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
+# tenth of it is some standard deviations.
+LARGE = 300.0
 # Causes that change the machine so much that its tolerances act otherwise.
 MOVES_RESONANCE = frozenset({
     'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
@@ -34,7 +37,8 @@ MOVES_RESONANCE = frozenset({
 })  # fmt: skip
 DRIVE = ('drive_hunting', 'drive_ripple')
 IN_TIME = ('drive_hunting',)
-SIDED = ('roller_drag', 'link_stiffness')  # whose two sides look alike but for the axle's racking
+# Whose sides look alike but for the axle's racking.
+SIDED = ('roller_drag', 'link_stiffness', 'guide_step')
 
 
 Worth = Callable[[str, float], bool]
@@ -116,12 +120,26 @@ def try_all(
         fitted_again = list(
             pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading)
         )
-        fitted_again += _other_sides(place, known, leading, fitted_again, jobs)
+        fitted_again += _other_sides(place, known, refined, fitted_again, jobs)
         if afar is not None:
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
-    tried = _locked(context, place, fitted_again + rest)
-    return sorted(tried, key=lambda t: -t.gain)
+    tried = sorted(_locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
+    return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
+
+
+def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) -> Tried:
+    """Fit the best on, where its numbers hang on what the tolerances do beside it."""
+    polished, cause = tried.polished, tried.proposal.cause
+    if polished is None or cause not in LOCAL or tried.gain < LARGE:
+        return tried
+    fixed = [k for k in known if KNOWN[k.cause].of_machine and k.cause in IN_TIME]
+    whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs)
+    before = place.stage.judged(place.fitted, cause)
+    gain = before - whole.place.stage.judged(whole.place.fitted, cause)
+    if gain <= tried.gain:
+        return tried
+    return Tried(whole.effects[-1], gain, whole.sd[-1], whole)
 
 
 def _other_sides(
@@ -131,22 +149,43 @@ def _other_sides(
     fitted: Sequence[Tried],
     jobs: int,
 ) -> list[Tried]:
-    """Fit the best on its other side too, from the tolerances that it ended with.
+    """Fit the best on its other sides too, from the tolerances that it ended with.
 
     The sides differ by little: which is right must not hang on how far each fit has come.
+
+    Parameters
+    ----------
+    refined : sequence of Refined
+        All contenders.
+    fitted : sequence of Tried
+        The leading ones.
     """
-    pairs = [(t, r) for t, r in zip(fitted, refined, strict=True) if t.polished is not None]
-    if not pairs:
+    best = max((t for t in fitted if t.polished is not None), key=lambda t: t.gain, default=None)
+    if best is None or best.polished is None or best.proposal.cause not in SIDED:
         return []
-    best, first = max(pairs, key=lambda pair: pair[0].gain)
     side = best.proposal.location.get('side')
-    if side not in SIDES or best.proposal.cause not in SIDED or best.polished is None:
-        return []
-    other = {**best.proposal.location, 'side': SIDES[1 - SIDES.index(str(side))]}
-    mirrored = replace(first, proposal=replace(best.proposal, location=other))
+    others = {
+        str(r.proposal.location['side']): r
+        for r in reversed(refined)
+        if r.proposal.cause == best.proposal.cause
+        and r.proposal.location['side'] != side
+        and is_beside(r.proposal, best.proposal)
+    }
+    if side in SIDES and best.proposal.cause != 'guide_step':
+        other = SIDES[1 - SIDES.index(str(side))]
+        location = {**best.proposal.location, 'side': other}
+        like = next(r for r in refined if r.proposal.cause == best.proposal.cause)
+        others = {other: replace(like, proposal=replace(best.proposal, location=location))}
     turned = best.polished.place.stage.turned
-    found = _fitted(best.polished.context, place, known, mirrored, turned, jobs)
-    return [] if found.polished is None else [found]
+    context = best.polished.context
+    found = [_fitted(context, place, known, r, turned, jobs) for r in others.values()]
+    return [t for t in found if t.polished is not None]
+
+
+def is_beside(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two proposals sit at the same place but for the side."""
+    place = {**one.location, 'side': other.location['side']}
+    return same_place(replace(one, location=place), other)
 
 
 def _tried_afar(
@@ -211,6 +250,7 @@ def _fitted(
             refined.proposal.cause in MOVES_RESONANCE,
             jobs,
             STEPS_AT_LENGTH if refined.proposal.cause in LOCAL else STEPS,
+            is_near=turned is not None and bool(turned),
         )
     except EscalatorError:
         return _plain(refined)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from escalator_twin.diagnosis.afar import look_afar
-from escalator_twin.diagnosis.context import Beside, beside, Context, tuned
+from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
@@ -13,6 +13,7 @@ from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import MOVES_RESONANCE, Tried, try_all
+from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import is_open
 from escalator_twin.diagnosis.verdict import evidence_of, size_in_tolerances, weigh, Weighed
 from escalator_twin.diagnosis.view import View

@@ -15,12 +15,13 @@ from escalator_twin.diagnosis.bodies.everywhere import Everywhere, run_everywher
 from escalator_twin.diagnosis.bodies.gears import off_gears
 from escalator_twin.diagnosis.bodies.running import HANDRAIL, part_of, Runs
 from escalator_twin.diagnosis.bodies.stage import BodyStage
-from escalator_twin.diagnosis.context import Beside, Context, start_in
+from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import Frame, Loop
 from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.observation import observe, on_grid
+from escalator_twin.diagnosis.preparation import start_in
 from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
 from escalator_twin.diagnosis.view import NO_PROBES, View
