@@ -171,6 +171,13 @@ class Stage:
         }
         return replace(self, turned=turned)
 
+    def up_to(self, cut_hz: float | None) -> 'Stage':
+        """Return the stage that compares waves up to a frequency; None: as they are."""
+        if cut_hz is None:
+            return self
+        whiten = self.whiten.up_to(cut_hz, self.observation.frame.rate_hz)
+        return replace(self, whiten=whiten, white_nuisance=whiten(self.nuisance.columns))
+
     def extended(self, deviations: tuple[Deviation, ...]) -> 'Stage':
         """Return the stage whose machine has more deviations."""
         return replace(self, machine=apply(self.machine, deviations))

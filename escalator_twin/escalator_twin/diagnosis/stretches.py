@@ -14,9 +14,9 @@ from escalator_twin.diagnosis.scan import best_variant
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.signals import Floats
 
-# Of a pitch, by which each end is moved, from coarse to fine: where a roller meets the drag, it is
-# shaken, and waves of 12 Hz at 0.25 m/s are 20 mm long.
-SHARES = (1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
+# Frequencies up to which is compared, and shares of a pitch by which each end is moved then: where
+# a roller meets the drag, the chain is shaken, and waves of 12 Hz at 0.25 m/s are 20 mm long.
+LEVELS = ((4.0, (1.0, 0.5, 0.25)), (8.0, (0.12, 0.06)), (None, (0.03, 0.015)))
 SHORTEST_M = 0.3
 
 
@@ -34,9 +34,12 @@ def best_stretch(stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal)
         A drag between ``s_from_m`` and ``s_to_m``.
     """
     found = proposal
-    for share in SHARES:
-        variants = _around(stage, found, share * stage.observation.frame.pitch_m)
-        found = best_variant(stage, base, fitted, variants) or found
+    for cut_hz, shares in LEVELS:
+        level = stage.up_to(cut_hz)
+        left = fitted if cut_hz is None else level.fit(base)
+        for share in shares:
+            variants = _around(stage, found, share * stage.observation.frame.pitch_m)
+            found = best_variant(level, base, left, variants) or found
     return found
 
 

@@ -22,7 +22,8 @@ from escalator_twin.diagnosis.turns import best_turn
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
-CLOSE = 0.6  # of the best gain, from which a second one is fitted with the tolerances as well
+CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
+FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
 CLOSEST = 0.85  # the same of what was sought from afar
 STEPS_AT_LENGTH = 3  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
@@ -122,7 +123,9 @@ def try_all(
         )
         fitted_again += _other_sides(place, known, refined, fitted_again, jobs)
         if afar is not None:
-            fitted_again += _tried_afar(context, afar, place, known, pool, jobs)
+            best = max((t.gain for t in fitted_again), default=0.0)
+            level = place.stage.judged(place.fitted) - best
+            fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
     tried = sorted(_locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
@@ -195,14 +198,20 @@ def _tried_afar(
     known: Sequence[Proposal],
     pool: ThreadPoolExecutor,
     jobs: int,
+    level: float,
 ) -> list[Tried]:
-    """Fit what was sought from the machine as described, beginning there."""
+    """Fit what was sought from the machine as described, beginning there.
+
+    ``level`` is the chi squared that others come down to: what is far above it is left.
+    """
     base = afar.place
+    above = base.stage.judged(base.fitted)
     first = pool.map(
         lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
+    leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
     share = max(1, jobs // max(1, len(leading)))
     fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}, share), leading)
     found = []

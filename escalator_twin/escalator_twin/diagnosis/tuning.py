@@ -2,11 +2,15 @@
 
 Tolerances of a landing or of the preload move rollers by millimetres along the guide. Waves of the
 signals that are some centimetres long then fit as badly a little off as far off, and a search by
-slopes stays where it begins; long waves lead it to where the short ones fit.
+slopes stays where it begins; long waves lead it to where the short ones fit. Resonances of carriage
+and chain make more hollows: a tolerance at a time is turned far, to see whether a way down begins
+there.
 """
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -19,15 +23,16 @@ from escalator_twin.diagnosis.context import (
 )
 from escalator_twin.diagnosis.loops import BAND_HZ
 from escalator_twin.diagnosis.nuisance import make_nuisance
-from escalator_twin.diagnosis.stage import Stage
-from escalator_twin.diagnosis.whitening import frequencies
+from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
 
-WAVES_PER_M = (16.0, 32.0, 56.0)  # up to which signals are compared, before all of the band
-STEEPNESS = 8  # of that low-pass, as a power of frequency
+CUTS_HZ = (4.0, 8.0, 14.0)  # up to which signals are compared, before all of the band
 MOST_STEPS = 2  # at each
 STEP_SHARES = (1.0, 0.4)
 SETTLED = 3.0  # chi squared: a step that gains less is the last one
+KICK = 1.2  # standard deviations by which one tolerance is turned to leave a hollow
+ROUNDS = 3
+WORTH_A_ROUND = 10.0  # chi squared: a turn that gains less is not followed
 NEAR = 1.0  # standard deviations over which a tolerance's effect is taken
 
 Free = Callable[[Beside], Beside]
@@ -57,21 +62,75 @@ def coarse_to_fine(
     free : callable, optional
         Frees the nuisance that effects of the measurement stand for.
     """
-    lean = place.stage.lean(place.model)
-    turned = dict(lean.turned)
-    speed = lean.observation.frame.speed_m_s
-    cuts = [waves * speed for waves in WAVES_PER_M if waves * speed < BAND_HZ]
+    search = _Search(context, place, place.stage.lean(place.model), deviations, jobs, held, free)
+    turned = dict(place.stage.turned)
+    cuts = [cut for cut in CUTS_HZ if cut < BAND_HZ]
     for cut in [*cuts, None]:
+        turned = search.descend(turned, cut)[0]
+    for _ in range(ROUNDS):
+        start = search.at(turned)
+        level = quiet_chi2(start)
+        kicked, there = search.kicked(start)
+        if there > level - WORTH_A_ROUND:
+            break
+        turned = search.descend(kicked)[0]
+    return turned
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What stays the same while tolerances are tuned; see `coarse_to_fine`."""
+
+    context: Context
+    place: Beside
+    lean: Stage
+    deviations: tuple[Deviation, ...]
+    jobs: int
+    held: Collection[str]
+    free: Free | None
+
+    def at(self, turned: Mapping[str, float], cut_hz: float | None = None) -> Beside:
+        """Run with tolerances turned, and take anew what they do there."""
+        near = with_own_tolerances(
+            self.context, self.deviations, self.jobs, turned, NEAR, with_rails=False
+        )
+        stage = replace(self.lean, turned=dict(turned))
+        return _beside(near, self.place, stage, self.held, self.free, cut_hz)
+
+    def descend(
+        self, turned: Mapping[str, float], cut_hz: float | None = None
+    ) -> tuple[dict[str, float], float]:
+        """Step down by slopes; return where that ends, and chi squared there."""
+        level = inf
         for _ in range(MOST_STEPS):
-            near = with_own_tolerances(context, deviations, jobs, turned, NEAR, with_rails=False)
-            at = _beside(near, place, replace(lean, turned=turned), held, free, cut)
-            after = _step(at)
+            start = self.at(turned, cut_hz)
+            before = quiet_chi2(start)
+            level = min(level, before)
+            after = _step(start)
             if after is None:
                 break
-            turned = dict(after.stage.turned)
-            if quiet_chi2(at) - quiet_chi2(after) < SETTLED:
+            turned, level = dict(after.stage.turned), quiet_chi2(after)
+            if before - level < SETTLED:
                 break
-    return turned
+        return dict(turned), level
+
+    def kicked(self, start: Beside) -> tuple[dict[str, float], float]:
+        """Return the tolerances with the one turned far that explains most, and chi squared."""
+        ways = []
+        for knob in start.stage.knobs:
+            if knob.name in self.held or knob.name in self.context.weak:
+                continue
+            z = start.stage.turned.get(knob.name, 0.0)
+            ways += [(knob.name, z + kick) for kick in (-KICK, KICK) if abs(z + kick) <= LARGEST]
+
+        def level(way: tuple[str, float]) -> float:
+            stage = replace(start.stage, turned={**start.stage.turned, way[0]: way[1]})
+            return stage.judged(stage.fit(stage.run()))
+
+        with ThreadPoolExecutor(max(1, self.jobs)) as pool:
+            levels = list(pool.map(level, ways))
+        best = int(np.argmin(levels))
+        return {**start.stage.turned, ways[best][0]: ways[best][1]}, levels[best]
 
 
 def tuned(
@@ -121,13 +180,8 @@ def _beside(
     columns = nuisance.columns.copy()
     columns[:, :, [name in held for name in nuisance.names]] = 0.0
     nuisance = replace(nuisance, columns=columns)
-    whiten = stage.whiten
-    if cut_hz is not None:
-        rate = stage.observation.frame.rate_hz
-        f = frequencies(len(stage.observation.index), rate)
-        gain = 1.0 / (1.0 + (f / cut_hz) ** STEEPNESS)
-        whiten = replace(whiten, weight=(whiten.weight.T * gain).T.astype(np.float32))
-    stage = replace(stage, nuisance=nuisance, whiten=whiten, white_nuisance=whiten(columns))
+    white = stage.whiten(columns)
+    stage = replace(stage, nuisance=nuisance, white_nuisance=white).up_to(cut_hz)
     found = replace(place, stage=stage, model=model, fitted=stage.fit(model))
     return found if free is None else free(found)
 

@@ -1,7 +1,7 @@
 """Noise of every channel by frequency, and what it makes of signals on the grid."""
 
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
@@ -13,6 +13,7 @@ from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Floats
 
 Columns = np.ndarray  # float32
+STEEPNESS = 8  # of a whitener's low-pass, as a power of frequency
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,12 @@ class Whitener:
         )
         white: Columns = waves[: len(self.weight)] * self.weight[:, :, None]
         return white.reshape(-1, shape[2])
+
+    def up_to(self, cut_hz: float, rate_hz: float) -> 'Whitener':
+        """Return the same that lets waves through up to a frequency."""
+        f = frequencies(len(self.mask), rate_hz)
+        gain = (1.0 / (1.0 + (f / cut_hz) ** STEEPNESS)).astype(np.float32)
+        return replace(self, weight=self.weight * gain[:, None])
 
 
 def frequencies(n: int, rate_hz: float) -> Floats:

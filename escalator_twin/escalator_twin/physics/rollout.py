@@ -158,12 +158,13 @@ class Simulation:
         """Travel of the chain over that of the rack: seats of a wheel lie further than a pitch."""
         return self.parameters.pitch_m / self.parameters.dog_spacing
 
-    def start(self, start_s_m: float, settle_s: float = SETTLE_S) -> None:
+    def start(self, start_s_m: float, settle_s: float = SETTLE_S, is_exact: bool = True) -> None:
         """Put axle 0 at a path coordinate, at speed, transients gone.
 
         The machine is brought to static equilibrium with its rack held, one settling way before
         the place asked for, set off with every part at the rack's speed, and run until axle 0
-        (mean of both sides) is there to within half a step's way.
+        (mean of both sides) is there to within half a step's way; or, where ``is_exact`` is false,
+        is near there.
 
         Raises
         ------
@@ -184,7 +185,8 @@ class Simulation:
             # axle 0 runs ahead of the rack or behind it by the polygon's share of a pitch
             margin = MARGIN_PITCHES * p.pitch_m / abs(p.speed)
             self.advance(max(settle_s - margin, 0.0), 1.0, np.zeros((0, 3), np.int64))
-            self._run_to(start_s_m, 3.0 * margin)
+            if is_exact:
+                self._run_to(start_s_m, 3.0 * margin)
         self._shift_phases(0.0, -self.time_s)
         self.state.rack[TIME] = 0.0
         self.data.time = 0.0
