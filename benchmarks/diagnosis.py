@@ -163,6 +163,7 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument('--machine', type=Path, default=MACHINE)
     root.add_argument('--jobs', type=int, default=1, help='recordings at once')
     root.add_argument('--cores', type=int, default=2, help='shared among them')
+    root.add_argument('--most', type=int, help='of the set, in its mixed order (all of it)')
     root.add_argument('--keep', action='store_true', help='take over bags and verdicts left there')
     return root
 
@@ -177,7 +178,7 @@ def main() -> int:
         plans = draw_set(given.seed, given.n, clean, unlisted, given.causes, given.sizes)
         with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON
             write_hidden(plans, given.seed, out, given.jobs)
-    bags = recordings(out)
+    bags = recordings(out)[: given.most]
     spent = []
     for row in diagnose_all(
         bags, out / 'verdicts', given.machine, given.jobs, given.cores, given.keep
