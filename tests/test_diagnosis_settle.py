@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import diagnose
-from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.walk import Found, is_left_over, same_place
+from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.telling import evidence_lines
+from escalator_twin.diagnosis.verdict import Weighed
+from escalator_twin.diagnosis.walk import Found, is_left_over
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
 
@@ -53,6 +55,12 @@ def test_a_small_further_effect_is_doubted_beside_a_remainder(named):
 @pytest.mark.parametrize('held', [{'significant': False}, {'worse': ('a/b',)}])
 def test_without_gain_or_with_a_worse_channel_nothing_is_named(named, held):
     assert named(held=held) == set()
+
+
+@pytest.mark.parametrize('gain', [-3.0, 0.0, 40.0])
+def test_a_candidate_is_told_where_nothing_was_accepted(gain):
+    weighed = Weighed(Proposal('step_mass', {'step': 3}, {'delta_kg': 2.0}, gain), gain, 0.0, 0.0)
+    assert evidence_lines(weighed, 0.0)['for'] == [f'chi squared falls by {gain:.0f}']
 
 
 def test_a_remainder_that_nothing_explains_takes_all_names(named):
