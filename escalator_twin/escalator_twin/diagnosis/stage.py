@@ -175,8 +175,11 @@ class Stage:
         """Return the stage that compares waves up to a frequency; None: as they are."""
         if cut_hz is None:
             return self
-        whiten = self.whiten.up_to(cut_hz, self.observation.frame.rate_hz)
-        return replace(self, whiten=whiten, white_nuisance=whiten(self.nuisance.columns))
+        gain = self.whiten.low_pass(cut_hz, self.observation.frame.rate_hz)
+        whiten = replace(self.whiten, weight=self.whiten.weight * gain[:, None])
+        q = self.white_nuisance.shape[1]
+        rows = self.white_nuisance.reshape(len(gain), -1, q) * gain[:, None, None]
+        return replace(self, whiten=whiten, white_nuisance=rows.reshape(-1, q))
 
     def extended(self, deviations: tuple[Deviation, ...]) -> 'Stage':
         """Return the stage whose machine has more deviations."""

@@ -27,11 +27,11 @@ from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
 
 CUTS_HZ = (4.0, 8.0, 14.0)  # up to which signals are compared, before all of the band
-MOST_STEPS = 2  # at each
+MOST_STEPS = 2  # over all of the band
 STEP_SHARES = (1.0, 0.4)
 SETTLED = 3.0  # chi squared: a step that gains less is the last one
 KICK = 1.2  # standard deviations by which one tolerance is turned to leave a hollow
-ROUNDS = 3
+ROUNDS = 2
 WORTH_A_ROUND = 10.0  # chi squared: a turn that gains less is not followed
 NEAR = 1.0  # standard deviations over which a tolerance's effect is taken
 
@@ -102,7 +102,7 @@ class _Search:
     ) -> tuple[dict[str, float], float]:
         """Step down by slopes; return where that ends, and chi squared there."""
         level = inf
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_STEPS if cut_hz is None else 1):
             start = self.at(turned, cut_hz)
             before = quiet_chi2(start)
             level = min(level, before)

@@ -1,7 +1,7 @@
 """Noise of every channel by frequency, and what it makes of signals on the grid."""
 
 from collections.abc import Container
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
@@ -13,7 +13,7 @@ from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Floats
 
 Columns = np.ndarray  # float32
-STEEPNESS = 8  # of a whitener's low-pass, as a power of frequency
+STEEPNESS = 8  # of a low-pass, as a power of frequency
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class Whitener:
         white: Columns = waves[: len(self.weight)] * self.weight[:, :, None]
         return white.reshape(-1, shape[2])
 
-    def up_to(self, cut_hz: float, rate_hz: float) -> 'Whitener':
-        """Return the same that lets waves through up to a frequency."""
+    def low_pass(self, cut_hz: float, rate_hz: float) -> np.ndarray:
+        """Return what lets waves through up to a frequency, (f,) float32."""
         f = frequencies(len(self.mask), rate_hz)
-        gain = (1.0 / (1.0 + (f / cut_hz) ** STEEPNESS)).astype(np.float32)
-        return replace(self, weight=self.weight * gain[:, None])
+        gain: np.ndarray = (1.0 / (1.0 + (f / cut_hz) ** STEEPNESS)).astype(np.float32)
+        return gain
 
 
 def frequencies(n: int, rate_hz: float) -> Floats:
