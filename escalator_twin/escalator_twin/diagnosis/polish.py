@@ -15,8 +15,7 @@ from escalator_twin.diagnosis.regression import inverse
 from escalator_twin.machine import Deviation
 
 STEPS = 8
-WHOLE_STEPS = 7
-SETTLED_WHOLE = 10.0  # chi squared: as each such step costs a run of every tolerance
+WHOLE_STEPS = 4  # each costs a run of every tolerance
 ANEW = 2  # times that the tolerances' effect is taken anew on the way
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 
@@ -117,6 +116,7 @@ def polish_whole(
     known: Sequence[Proposal] = (),
     free: Free | None = None,
     jobs: int = 1,
+    worth: float = SETTLED,
 ) -> Polished:
     """Fit on, with what each tolerance does run with the effects themselves in the machine.
 
@@ -129,6 +129,8 @@ def polish_whole(
         Where the fit begins.
     known, free, jobs
         As of `polish`.
+    worth : float
+        Chi squared: a step that gains less is the last one.
     """
     effects, place, spreads = polished.effects, polished.place, polished.sd
     fit_one = JointFit(polished.context, tuple(k.deviation for k in known), free)
@@ -142,7 +144,7 @@ def polish_whole(
             break
         gained = judged(place, effects) - judged(trial[0], effects)
         place, effects = trial
-        if gained < SETTLED_WHOLE:
+        if gained < worth:
             break
     return Polished(fit_one.context, place, effects, spreads)
 

@@ -19,6 +19,7 @@ from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.turns import best_turn
+from escalator_twin.diagnosis.unexplained import is_open
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
@@ -30,6 +31,7 @@ FIRST_STEPS = 1  # of a contender, before the best is known
 # Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
 # tenth of it is some standard deviations.
 LARGE = 300.0
+WORTH = 0.01  # of an effect's gain: a step with all tolerances run beside it that gains less is the last
 # Causes that change the machine so much that its tolerances act otherwise.
 MOVES_RESONANCE = frozenset({
     'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
@@ -132,12 +134,17 @@ def try_all(
 
 
 def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) -> Tried:
-    """Fit the best on, where its numbers hang on what the tolerances do beside it."""
+    """Fit the best on, where its numbers hang on what the tolerances do beside it.
+
+    Where no more is left than a good machine leaves, there is nothing to fit.
+    """
     polished, cause = tried.polished, tried.proposal.cause
     if polished is None or cause not in LOCAL or tried.gain < LARGE:
         return tried
+    if not is_open(polished.place, polished.context.floor):
+        return tried
     fixed = [k for k in known if KNOWN[k.cause].of_machine and k.cause in IN_TIME]
-    whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs)
+    whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs, WORTH * tried.gain)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:
