@@ -162,6 +162,11 @@ def test_nothing_within_two_pitches_of_what_is_held_out_is_fitted(proposal):
     masks = [
         mask for mask in shown if not mask.all()
     ]  # all samples: the first fit, of nothing held out
+    inside = np.zeros(N, bool)
+    for start, end in (block for blocks in folds for block in blocks):
+        inside[start:end] = True
+    # what is shown of later passages alone settles zeros and creep of the instruments there
+    masks = [mask for mask in masks if len(folds) > 1 or not (mask <= inside).all()]
     different = [m for k, m in enumerate(masks) if k == 0 or (m != masks[k - 1]).any()]
     assert len(different) == len(folds)
     for mask, blocks in zip(different, folds, strict=True):
@@ -205,6 +210,20 @@ def test_a_right_name_that_harms_another_channel_is_told():
     change = passing(N, AXLE)
     change[:, TENSIONER] = 0.5 * SIZE * spread()[TENSIONER] * np.sin(0.21 * np.arange(N))
     assert CHANNELS[TENSIONER] in held(change, effect()).worse
+
+
+def test_a_zero_that_has_moved_later_does_not_drown_the_gain():
+    measured, base = recorded()
+    force = int(np.flatnonzero(FORCES)[1])
+    measured[FRAME.n_loop + GUARD :, force] += 40.0 * spread()[force]
+    model = base + passing(N, AXLE)
+    stage = stage_of(measured, base)
+    after = Beside(stage, None, model, stage.fit(model))
+    found = hold_out(SimpleNamespace(machine=MACHINE), after, [effect()], 1)
+    assert found.significant
+    assert found.worse == ()
+    assert found.channels is not None
+    assert found.channels[CHANNELS[force]]['chi2_after'] < 1.2
 
 
 def test_the_bootstrap_depends_on_its_seed_alone():

@@ -26,7 +26,7 @@ from escalator_twin.machine import Deviation
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
 CLOSEST = 0.85  # the same of what was sought from afar
-STEPS_AT_LENGTH = 3  # of the last fit where every run takes the whole recording's length
+STEPS_AT_LENGTH = 2  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
 # tenth of it is some standard deviations.
