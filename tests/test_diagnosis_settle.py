@@ -8,7 +8,7 @@ from escalator_twin.diagnosis import diagnose
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import evidence_lines
 from escalator_twin.diagnosis.verdict import Weighed
-from escalator_twin.diagnosis.walk import Found, is_left_over
+from escalator_twin.diagnosis.walk import Found, is_left_over, refitted
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
 
@@ -90,3 +90,13 @@ def test_two_fits_of_one_place_are_one_candidate(cause, one, other, same):
     first, second = (Proposal(cause, dict(place), {}, 0.0) for place in (one, other))
     assert same_place(first, second) == same
     assert not same_place(first, Proposal('tensioner_stop', dict(one), {}, 0.0))
+
+
+def test_two_waves_fitted_together_keep_their_own_numbers():
+    first, second = (found('drive_ripple', gain) for gain in (900.0, 500.0))
+    effects = tuple(
+        Proposal('drive_ripple', {}, {'cycles_per_pitch': f}, 0.0) for f in (0.37, 0.63)
+    )
+    polished = SimpleNamespace(effects=effects, sd=({}, {}))
+    again = refitted((first, second), polished)
+    assert [f.proposal.parameters['cycles_per_pitch'] for f in again] == [0.37, 0.63]

@@ -13,7 +13,7 @@ from escalator_twin.machine import Deviation, load_machine, Machine
 from escalator_twin.physics.periodic import is_uniform, run_periodic
 from escalator_twin.physics.rollout import Simulation
 from escalator_twin.signals import Experiment
-from escalator_twin.twin import make_simulation, run_twin
+from escalator_twin.twin import make_folded, make_simulation, run_twin
 
 pytestmark = pytest.mark.issue(6)
 
@@ -74,6 +74,23 @@ def test_one_pitch_stands_for_a_long_run(name, direction):
         share = 0.05 if is_shaken(sensor) else 0.01
         noise = 0.01 * sensor.noise * abs(sensor.scale)  # where a signal hardly moves
         assert rest[k] <= share * np.std(long_band[:, k]) + late[k] + noise, sensor.channel
+
+
+def test_sides_alike_are_run_as_one():
+    machine, experiment = with_deviations(UNLIKE['link'], UNLIKE['ripple']), trials.case()
+    both = make_simulation(machine, experiment, step_s=1e-3)
+    folded = make_folded(machine, experiment, 1e-3)
+    assert (both.parameters.n_sides, folded.parameters.n_sides) == (2, 1)
+    args = machine.instruments.sensors, START_M, 4.0, RATE_HZ
+    apart = run_twin(both, *args).columns - run_twin(folded, *args).columns
+    for k, sensor in enumerate(machine.instruments.sensors):
+        assert np.abs(apart[:, k]).max() <= 0.01 * sensor.noise * abs(sensor.scale), sensor.channel
+
+
+@pytest.mark.parametrize('unlike', [GUIDE_STEP, LONGER, UNLIKE['roller'], UNLIKE['tread']])
+def test_sides_unlike_each_other_are_run_as_two(unlike):
+    folded = make_folded(with_deviations(unlike), trials.case(), 1e-3)
+    assert folded.parameters.n_sides == 2
 
 
 @pytest.mark.parametrize('name', UNLIKE)

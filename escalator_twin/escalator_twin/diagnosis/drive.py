@@ -49,6 +49,8 @@ def refine_wave(
     late = late - late.mean(axis=0)
     key = 'frequency_hz' if in_time else 'cycles_per_pitch'
     per_hz = 1.0 if in_time else frame.pitch_m / frame.speed_m_s
+    # the rack's travel, which a ripple is a wave of, falls where the machine runs down
+    sense = 1.0 if in_time else float(stage.setting.experiment.direction)
     best: Refined | None = None
     before = stage.judged(fitted, proposal.cause)
     for _ in range(ROUNDS):
@@ -69,7 +71,7 @@ def refine_wave(
                 two * np.cos(turn) - one * np.sin(turn),
             )
         clock = seconds - seconds.mean()
-        fast = 2.0 * np.pi * clock[:, None] * two * size / per_hz
+        fast = sense * 2.0 * np.pi * clock[:, None] * two * size / per_hz
         columns = stage.columns(np.stack([one, two, fast], axis=2), proposal.cause)
         right, gram = inner_products(stage.fit(base), columns)
         c, d, df = inverse(gram) @ right
@@ -78,7 +80,7 @@ def refine_wave(
         amplitude = float(np.hypot(c, d))
         # the frequency turns about the middle of the recording
         phase = proposal.parameters['phase_rad'] + float(np.arctan2(d, c))
-        phase -= 2.0 * np.pi * df / per_hz * float(seconds.mean())
+        phase -= sense * 2.0 * np.pi * df / per_hz * float(seconds.mean())
         covariance = inverse(gram)
         moved = replace(
             proposal,

@@ -51,7 +51,10 @@ class JointFit:
         self, effects: Sequence[Proposal], turned: Mapping[str, float], jobs: int
     ) -> 'JointFit':
         """Return the same where the tolerances act as they do in this machine."""
-        context = with_own_tolerances(self.context, self.deviations(effects), jobs, turned)
+        deviations = self.deviations(effects)
+        # what the rail does is no other where every effect is one link's, axle's or step's
+        is_other = any(d.cause not in LOCAL for d in deviations)
+        context = with_own_tolerances(self.context, deviations, jobs, turned, with_rails=is_other)
         return replace(self, context=context)
 
     def taken_whole(self, place: Beside, effects: Sequence[Proposal], jobs: int) -> 'JointFit':

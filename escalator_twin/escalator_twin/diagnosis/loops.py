@@ -18,7 +18,7 @@ from escalator_twin.physics import run
 from escalator_twin.physics.periodic import between, is_uniform, Pitch, record_pitch
 from escalator_twin.physics.rollout import probe_of, Simulation
 from escalator_twin.signals import Experiment, Floats
-from escalator_twin.twin import make_simulation
+from escalator_twin.twin import make_folded
 
 BAND_HZ = 20.0  # of everything that diagnosis looks at
 # Of the simulations, which are many. Below ``BAND_HZ`` a link's force is off by 0.3 to 1 N against a
@@ -26,7 +26,10 @@ BAND_HZ = 20.0  # of everything that diagnosis looks at
 STEP_S = 5e-3 / 3.0
 GRID_HZ = 50.0  # of the grids along travel, at the real speed
 RATE_HZ = 200.0  # of simulated records
-MARGIN_S = 1.0  # simulated beyond both ends, for the low-pass
+MARGIN_S = 1.0  # simulated beyond both ends of a loop: for the low-pass, and for the rack's dogs
+PITCH_MARGIN_S = (
+    0.25  # beyond both ends of a pitch, for the low-pass alone: exp(-12) is left of it
+)
 FILTER_ORDER = 4
 
 
@@ -160,7 +163,7 @@ def simulate_loop(
     simulation = built(machine, experiment)
     length = simulation.path.length_m
     if is_uniform(simulation.parameters):
-        pitch = record_pitch(simulation, RATE_HZ, MARGIN_S)
+        pitch = record_pitch(simulation, RATE_HZ, PITCH_MARGIN_S)
         if pitch is not None:
             return _tiled(pitch, frame, probes, rack_m)
         simulation = built(machine, experiment)
@@ -192,9 +195,7 @@ def simulate_loop(
 
 
 def built(machine: Machine, experiment: Experiment) -> Simulation:
-    simulation = make_simulation(machine, experiment, step_s=STEP_S)
-    assert isinstance(simulation, Simulation)
-    return simulation
+    return make_folded(machine, experiment, STEP_S)
 
 
 def simulate_rails(
@@ -234,7 +235,7 @@ def simulate_rails(
         simulation.back_to(kept)
         if rail is not None:
             simulation.lay(rail)
-        pitch = record_pitch(simulation, RATE_HZ, MARGIN_S, goes_on=True)
+        pitch = record_pitch(simulation, RATE_HZ, PITCH_MARGIN_S, goes_on=True)
         return None if pitch is None else _tiled(pitch, frame, probes, rack_m)
 
     base = runs(first, None, None)

@@ -166,15 +166,19 @@ def drive_waves(search: Search) -> Iterator[Proposal]:
         f, c = float(grid[k]), complex(*sizes[k])
         amplitude = abs(c) * 2.0 * pi * f / frame.speed_m_s
         phase = wrapped(atan2((-c).imag, (-c).real))
-        common = {'relative_amplitude': float(min(amplitude, 0.3)), 'phase_rad': phase}
+        size = {'relative_amplitude': float(min(amplitude, 0.3))}
+        # a ripple is a wave of the rack's travel, which falls where the machine runs down
+        in_travel = phase if search.stage.setting.experiment.direction > 0 else wrapped(pi - phase)
         if f >= 0.1:
             yield Proposal(
-                'drive_hunting', {}, {**common, 'frequency_hz': f}, float(gains[k]), {},
+                'drive_hunting', {}, {**size, 'phase_rad': phase, 'frequency_hz': f},
+                float(gains[k]), {},
                 len(grid), ('relative_amplitude', 'frequency_hz', 'phase_rad'),
             )  # fmt: skip
         turns = f * frame.pitch_m / frame.speed_m_s
         yield Proposal(
-            'drive_ripple', {}, {**common, 'cycles_per_pitch': turns}, float(gains[k]), {},
+            'drive_ripple', {}, {**size, 'phase_rad': in_travel, 'cycles_per_pitch': turns},
+            float(gains[k]), {},
             len(grid), ('relative_amplitude', 'cycles_per_pitch', 'phase_rad'),
         )  # fmt: skip
 

@@ -119,10 +119,7 @@ def try_all(
         refined.sort(key=lambda r: -r.gain)
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
         leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
-        share = max(1, jobs // max(1, len(leading)))
-        fitted_again = list(
-            pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading)
-        )
+        fitted_again = _fitted_all(context, place, known, leading, jobs)
         fitted_again += _other_sides(place, known, refined, fitted_again, jobs)
         if afar is not None:
             best = max((t.gain for t in fitted_again), default=0.0)
@@ -131,6 +128,32 @@ def try_all(
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
     tried = sorted(_locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
+
+
+def _fitted_all(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    leading: Sequence[Refined],
+    jobs: int,
+) -> list[Tried]:
+    """Fit the leading causes, each from tolerances of its own.
+
+    Those of one link, axle or step hardly move the tolerances: they begin where the first has ended.
+    """
+    if not all(r.proposal.cause in LOCAL and r.proposal.cause not in DRIVE for r in leading):
+        share = max(1, jobs // len(leading))
+        with ThreadPoolExecutor(len(leading)) as pool:
+            return list(pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading))
+    found: list[Tried] = []
+    for refined in leading:
+        first = found[0].polished if found else None
+        if first is None:
+            found.append(_fitted(context, place, known, refined, jobs=jobs))
+            continue
+        turned = first.place.stage.turned
+        found.append(_fitted(first.context, place, known, refined, turned, jobs))
+    return found
 
 
 def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) -> Tried:
@@ -347,12 +370,7 @@ def _locked(context: Context, place: Beside, tried: list[Tried]) -> list[Tried]:
 
 
 def _pairs(contenders: Sequence[Proposal]) -> list[tuple[Proposal, Proposal]]:
-    """Return hunting and ripple of one frequency together."""
+    """Return hunting and ripple of one frequency, which explain as much, together."""
     hunting = [p for p in contenders if p.cause == 'drive_hunting']
     ripple = [p for p in contenders if p.cause == 'drive_ripple']
-    return [
-        (h, r)
-        for h in hunting
-        for r in ripple
-        if h.parameters['phase_rad'] == r.parameters['phase_rad']
-    ]
+    return [(h, r) for h in hunting for r in ripple if h.gain == r.gain]

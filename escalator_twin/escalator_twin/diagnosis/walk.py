@@ -15,7 +15,13 @@ from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import MOVES_RESONANCE, Tried, try_all
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import is_open
-from escalator_twin.diagnosis.verdict import evidence_of, size_in_tolerances, weigh, Weighed
+from escalator_twin.diagnosis.verdict import (
+    EFFECT_TOLERANCES,
+    evidence_of,
+    size_in_tolerances,
+    weigh,
+    Weighed,
+)
 from escalator_twin.diagnosis.view import View
 
 MOST_EFFECTS = 3
@@ -176,7 +182,7 @@ def walk(
         found.append(Found(top.proposal, top.probability, sd, top.gain, tuple(weighed)))
         if match is not None and match.polished is not None:
             context, place = match.polished.context, match.polished.place
-            found = _refitted(found, match.polished)
+            found = [f for f in refitted(found, match.polished) if not _is_gone(f.proposal)]
         else:
             known = [*start, *(f.proposal for f in found)]
             deviations = tuple(p.deviation for p in known if of_machine(p))
@@ -185,22 +191,34 @@ def walk(
     return Walked(tuple(found), before, place, tuple(weighed))
 
 
-def _refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
+def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
     """Return effects with the numbers of a fit that held them all."""
-    rows = {
-        (e.cause, _place(e)): (e, sd) for e, sd in zip(polished.effects, polished.sd, strict=True)
-    }
+    rows = list(zip(polished.effects, polished.sd, strict=True))
     again = []
     for one in found:
-        key = (one.proposal.cause, _place(one.proposal))
-        if key in rows:
-            own = one.proposal
+        own = one.proposal
+        # in the order in which they were found: two waves have the same cause and no place
+        at = next(
+            (
+                k
+                for k, (e, _) in enumerate(rows)
+                if (e.cause, _place(e)) == (own.cause, _place(own))
+            ),
+            None,
+        )
+        if at is not None:
+            effect, sd = rows.pop(at)
             rivals = tuple(
-                replace(r, proposal=rows[key][0]) if r.proposal is own else r for r in one.rivals
+                replace(r, proposal=effect) if r.proposal is own else r for r in one.rivals
             )
-            one = replace(one, proposal=rows[key][0], sd=rows[key][1], rivals=rivals)
+            one = replace(one, proposal=effect, sd=sd, rivals=rivals)
         again.append(one)
     return again
+
+
+def _is_gone(proposal: Proposal) -> bool:
+    """Tell whether nothing is left of an effect once a later one was fitted beside it."""
+    return size_in_tolerances(proposal) < EFFECT_TOLERANCES
 
 
 def _is_rest(top: Weighed, found: Sequence[Found]) -> bool:

@@ -162,6 +162,15 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
     )
 
 
+def has_like_sides(p: Parameters) -> bool:
+    """Tell whether nothing tells the left side from the right."""
+    sided = (
+        p.survey, p.link_length, p.link_stiffness, p.link_damping, p.end_mass,
+        p.rolling_resistance, p.roller_drag, p.eccentricity, p.flat, p.tread_slip, p.load,
+    )  # fmt: skip
+    return all(np.array_equal(rows[0], rows[-1]) for rows in sided)
+
+
 def _survey(machine: Machine, length_m: float) -> tuple[Floats, Floats]:
     """Return the periodic tables of normal and lateral deviation; zeros without a survey."""
     name = machine.guide.survey_file
