@@ -97,14 +97,14 @@ class JointFit:
             plain.context, place, self.deviations(effects), jobs, held, self.free
         )
 
-    def columns(self, place: Beside, effects: Sequence[Proposal]) -> np.ndarray:
+    def columns(self, place: Beside, effects: Sequence[Proposal], jobs: int = 1) -> np.ndarray:
         """Return the whitened change by every number of every effect, and by ``sided``, (m, p)."""
         found = []
         for k, effect in enumerate(effects):
             others = [e.deviation for j, e in enumerate(effects) if j != k]
             bare = replace(place.stage, machine=self.context.machine)
             bare = bare.extended((*self.known, *others))
-            found.append(jacobian_of(bare, None, place.model, effect))
+            found.append(jacobian_of(bare, None, place.model, effect, jobs=jobs))
         for name in self.sided(place, effects):
             turned = {**place.stage.turned, name: place.stage.turned.get(name, 0.0) + 1.0}
             bare = replace(place.stage, machine=self.context.machine, turned=turned)

@@ -5,7 +5,7 @@ spring and the preload. Fitted in turns they creep along the valley between them
 take it in a few steps.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED
@@ -83,17 +83,12 @@ def polish(
         fit_one = fit_one.taken_anew(effects, at, jobs)
     place = fit_one.beside(effects, at)
     if not is_near:
-        # without the effects the tolerances had been turned to explain what these explain
-        way = fit_one.tuned(effects, stood_for, jobs)
-        other = fit_one.taken_anew(effects, way, jobs)
-        there = other.beside(effects, way)
-        if judged(there, effects) < judged(place, effects):
-            fit_one, place = other, there
+        fit_one, place = approach(fit_one, place, effects, stood_for, jobs)
     tangent = dict(place.stage.turned)
     spreads = tuple(dict[str, float]() for _ in effects)
     left = ANEW
     for _ in range(steps):
-        white = fit_one.columns(place, effects)
+        white = fit_one.columns(place, effects, jobs)
         spreads = fit_one.spreads(place, effects, white)
         trial = fit_one.step(place, effects, white)
         if trial is None:
@@ -109,6 +104,23 @@ def polish(
             fit_one = fit_one.taken_anew(effects, tangent, jobs)
             place = fit_one.beside(effects, tangent)
     return Polished(fit_one.context, place, effects, spreads)
+
+
+def approach(
+    fit_one: JointFit,
+    place: Beside,
+    effects: Sequence[Proposal],
+    held: Collection[str] = (),
+    jobs: int = 1,
+) -> tuple[JointFit, Beside]:
+    """Tune the tolerances beside effects from none, where that comes nearer than they are.
+
+    Without the effects they had been turned to explain what these explain.
+    """
+    way = fit_one.tuned(effects, held, jobs)
+    other = fit_one.taken_anew(effects, way, jobs)
+    there = other.beside(effects, way)
+    return (other, there) if judged(there, effects) < judged(place, effects) else (fit_one, place)
 
 
 def polish_whole(
@@ -137,7 +149,7 @@ def polish_whole(
     for _ in range(WHOLE_STEPS):
         fit_one = fit_one.taken_whole(place, effects, jobs)
         place = fit_one.beside(effects, place.stage.turned)
-        white = fit_one.columns(place, effects)
+        white = fit_one.columns(place, effects, jobs)
         spreads = fit_one.spreads(place, effects, white)
         trial = fit_one.step(place, effects, white)
         if trial is None:

@@ -1,6 +1,7 @@
 """Simulate what a search proposes, and fit its numbers by Gauss-Newton steps."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -220,6 +221,7 @@ def jacobian_of(
     model: Floats,
     proposal: Proposal,
     without: str | None = None,
+    jobs: int = 1,
 ) -> np.ndarray:
     """Return whitened columns: a secant for what sizes the effect, differences for the rest.
 
@@ -234,6 +236,8 @@ def jacobian_of(
     proposal : Proposal
     without : str, optional
         Tolerance that the proposal stands for.
+    jobs : int
+        Simulations at a time.
 
     Returns
     -------
@@ -241,22 +245,24 @@ def jacobian_of(
         One for each fitted number, by the variable in which the response is about linear.
     """
     length = stage.machine_length
-    columns = []
-    for i, key in enumerate(proposal.fitted):
+
+    def column(key: str) -> Floats:
         value = value_of(proposal, key)
         neutral = _neutral(stage, proposal, key)
-        if i == 0 and neutral is not None and not _is_bent(proposal, key):
+        if key == proposal.fitted[0] and neutral is not None and not _is_bent(proposal, key):
             start = stage.run((), without) if base is None else base
             way = _inner(proposal, key, value) - _inner(proposal, key, neutral)
-            columns.append((model - start) / (way if abs(way) > 1e-12 else 1e-12))
-            continue
+            return (model - start) / (way if abs(way) > 1e-12 else 1e-12)
         nudge = _nudge(proposal, key, value, neutral)
         trial = changed(proposal, {key: value + nudge}, length)
         way = _inner(proposal, key, value_of(trial, key)) - _inner(proposal, key, value)
         if way == 0.0:
             trial = changed(proposal, {key: value - nudge}, length)
             way = _inner(proposal, key, value_of(trial, key)) - _inner(proposal, key, value)
-        columns.append((stage.run((trial.deviation,), without) - model) / way)
+        return (stage.run((trial.deviation,), without) - model) / way
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        columns = list(pool.map(column, proposal.fitted))
     return stage.columns(np.stack(columns, axis=2), proposal.cause)
 
 

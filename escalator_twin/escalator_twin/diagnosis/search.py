@@ -1,6 +1,7 @@
 """What every family of causes needs to look for itself by linear responses."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import pi
 
@@ -77,5 +78,7 @@ def wrapped(angle: float) -> float:
 
 def search_all(search: Search, families: Sequence[Family]) -> list[Proposal]:
     """Return what some families propose, best first."""
-    found = [proposal for family in families for proposal in family(search)]
+    with ThreadPoolExecutor(max(1, search.jobs)) as pool:
+        proposed = pool.map(lambda family: list(family(search)), families)
+        found = [proposal for proposals in proposed for proposal in proposals]
     return sorted(found, key=lambda p: -p.gain)

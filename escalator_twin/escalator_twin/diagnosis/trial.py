@@ -11,9 +11,10 @@ from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
 from escalator_twin.diagnosis.free import FREED, freed
+from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import polish, polish_whole, Polished, STEPS
+from escalator_twin.diagnosis.polish import approach, polish, polish_whole, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
@@ -139,21 +140,39 @@ def _fitted_all(
 ) -> list[Tried]:
     """Fit the leading causes, each from tolerances of its own.
 
-    Those of one link, axle or step hardly move the tolerances: they begin where the first has ended.
+    Where all are of one link, axle or step, which hardly move the tolerances, they begin where these
+    fit beside the first.
     """
-    if not all(r.proposal.cause in LOCAL and r.proposal.cause not in DRIVE for r in leading):
-        share = max(1, jobs // len(leading))
-        with ThreadPoolExecutor(len(leading)) as pool:
-            return list(pool.map(lambda r: _fitted(context, place, known, r, jobs=share), leading))
-    found: list[Tried] = []
-    for refined in leading:
-        first = found[0].polished if found else None
-        if first is None:
-            found.append(_fitted(context, place, known, refined, jobs=jobs))
-            continue
-        turned = first.place.stage.turned
-        found.append(_fitted(first.context, place, known, refined, turned, jobs))
-    return found
+    turned = None
+    if leading and all(r.proposal.cause in LOCAL - set(DRIVE) for r in leading):
+        context, turned = _approached(context, place, known, leading[0], jobs)
+    share = max(1, jobs // max(1, len(leading)))
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        return list(
+            pool.map(lambda r: _fitted(context, place, known, r, turned, jobs=share), leading)
+        )
+
+
+def _approached(
+    context: Context, place: Beside, known: Sequence[Proposal], refined: Refined, jobs: int
+) -> tuple[Context, Mapping[str, float] | None]:
+    """Return the tolerances that fit beside a cause and what is known, and what they do there."""
+    again, fixed = _of_machine(known)
+    fit_one = JointFit(context, tuple(k.deviation for k in fixed), lambda p: freed(p, known))
+    effects = [*again, refined.proposal]
+    try:
+        start = fit_one.beside(effects, place.stage.turned)
+        fit_one, there = approach(fit_one, start, effects, jobs=jobs)
+    except EscalatorError:
+        return context, None
+    return fit_one.context, there.stage.turned
+
+
+def _of_machine(known: Sequence[Proposal]) -> tuple[list[Proposal], list[Proposal]]:
+    """Return the known effects of the machine that are fitted on, and those that stay."""
+    of_machine = [k for k in known if KNOWN[k.cause].of_machine]
+    again = [k for k in of_machine if k.cause not in IN_TIME]
+    return again, [k for k in of_machine if k.cause in IN_TIME]
 
 
 def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) -> Tried:
@@ -162,11 +181,11 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     Where no more is left than a good machine leaves, there is nothing to fit.
     """
     polished, cause = tried.polished, tried.proposal.cause
-    if polished is None or cause not in LOCAL or tried.gain < LARGE:
-        return tried
+    if polished is None or cause not in LOCAL or cause in DRIVE or tried.gain < LARGE:
+        return tried  # beside a wave of the drive, tolerances do what they do without
     if not is_open(polished.place, polished.context.floor):
         return tried
-    fixed = [k for k in known if KNOWN[k.cause].of_machine and k.cause in IN_TIME]
+    _, fixed = _of_machine(known)
     whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs, WORTH * tried.gain)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
@@ -211,6 +230,13 @@ def _other_sides(
         others = {other: replace(like, proposal=replace(best.proposal, location=location))}
     turned = best.polished.place.stage.turned
     context = best.polished.context
+    if best.proposal.cause in LOCAL:  # all leading ones began at the same tolerances
+        done = [t.proposal for t in fitted if t.polished is not None]
+        others = {
+            name: r
+            for name, r in others.items()
+            if not any(same_place(r.proposal, d) for d in done)
+        }
     found = [_fitted(context, place, known, r, turned, jobs) for r in others.values()]
     return [t for t in found if t.polished is not None]
 
@@ -275,9 +301,7 @@ def _fitted(
         if refined.proposal.cause in IN_TIME:
             return wave  # the twin's own clock knows no wander: it cannot be run at every step
         refined = replace(refined, proposal=wave.proposal, gain=wave.gain, sd=wave.sd)
-    of_machine = [k for k in known if KNOWN[k.cause].of_machine]
-    again = [k for k in of_machine if k.cause not in IN_TIME]
-    fixed = [k for k in of_machine if k.cause in IN_TIME]
+    again, fixed = _of_machine(known)
     before = place.stage.judged(place.fitted, refined.proposal.cause)
     try:
         polished = polish(
