@@ -27,7 +27,7 @@ from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
 
 CUTS_HZ = (4.0, 8.0, 14.0)  # up to which signals are compared, before all of the band
-MOST_STEPS = 2  # over all of the band
+MOST_STEPS = 4  # over all of the band
 STEP_SHARES = (1.0, 0.4)
 SETTLED = 3.0  # chi squared: a step that gains less is the last one
 KICK = 1.2  # standard deviations by which one tolerance is turned to leave a hollow
