@@ -24,6 +24,8 @@ HIDDEN = {
     'drag': Order(60_606, CASE, DURATION_S, (Effect('roller_drag', {'axle': 23, 'side': 'right'},
                                                     {'force_N': 120.0}),)),
     'clean': Order(60_607, CASE, DURATION_S),
+    'frame': Order(60_608, CASE, DURATION_S, (Effect('truss_resonance', {}, {
+        'frequency_hz': 6.3, 'damping_ratio': 0.02, 'modal_mass_kg': 4500.0}),)),
 }  # fmt: skip
 ALL_SHARED = (
     'clean_1', 'clean_2', 'drive_ripple', 'gauge_gain', 'load_distribution', 'roller_drag',
@@ -114,6 +116,16 @@ def test_its_extension_runs_and_gains(hidden):
     assert (
         min(row['chi2_after'] / row['chi2_before'] for row in held['channels'].values()) < 0.25
     )  # halved in amplitude
+
+
+@pytest.mark.long
+def test_a_hidden_bounce_of_the_frame_is_named(hidden):
+    found, verdict = outcome(hidden, 'frame')
+    assert [e['cause'] for e in verdict['effects']] == ['truss_resonance']
+    assert found.cause_right
+    frequency = verdict['effects'][0]['parameters']['frequency_hz']
+    assert frequency['value'] == pytest.approx(6.3, rel=0.05)
+    assert frequency['low'] < 6.3 < frequency['high']
 
 
 @pytest.mark.long

@@ -191,6 +191,10 @@ def guide_forces(model, y, dy, marks, work, t):
             frame_pull += drag * (model.mode_x * c + model.mode_z * d)
         weight = model.mass[e] * model.gravity
         work[FT, e] = -drag - weight * d
+        if model.mode_mass > 0.0:
+            # the gap of a frame that stands lower changes along an arc: what its contact stores
+            # also pushes along the path
+            work[FT, e] += normal * mode * kappa * (model.mode_x * c + model.mode_z * d)
         work[FN, e] = normal - weight * c
         work[FX, e] = 0.0
         work[FZ, e] = 0.0

@@ -10,6 +10,7 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
+from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import FREED, freed
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
@@ -41,6 +42,8 @@ MOVES_RESONANCE = frozenset({
 })  # fmt: skip
 DRIVE = ('drive_hunting', 'drive_ripple')
 IN_TIME = ('drive_hunting',)
+# Which places, angles or frequencies are looked for with the twin itself.
+SCANNED = ('guide_drag', 'roller_flat', 'truss_resonance')
 # Whose sides look alike but for the axle's racking.
 SIDED = ('roller_drag', 'link_stiffness', 'guide_step')
 
@@ -106,10 +109,12 @@ def try_all(
     single = [p for p in contenders if p.cause not in DRIVE]
     stretches = [p for p in single if p.cause == 'guide_drag'][:1]  # its ends are looked for anew
     flats = [p for p in single if p.cause == 'roller_flat'][:1]  # and the angle of a spot
-    single = [p for p in single if p.cause not in ('guide_drag', 'roller_flat')]
+    frames = [p for p in single if p.cause == 'truss_resonance'][:1]  # and a frame's frequency
+    single = [p for p in single if p.cause not in SCANNED]
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         single += pool.map(lambda p: best_stretch(stage, base, fitted, p), stretches)
         single += pool.map(lambda p: best_turn(stage, base, fitted, p), flats)
+        single += [best_frame(stage, base, fitted, p, jobs) for p in frames]
         first = [
             r
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
