@@ -13,12 +13,12 @@ import trials
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.floor import Floor
-from escalator_twin.diagnosis.heldout import folds_of, hold_out
+from escalator_twin.diagnosis.heldout import folds_of, hold_out, sizes_within
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.whitening import make_whitener, sensor_variance, Whitener
 
 pytestmark = pytest.mark.issue(7)
@@ -241,3 +241,19 @@ def test_the_bootstrap_depends_on_its_seed_alone():
 def test_the_wrong_sign_gains_nothing():
     found = held(-passing(N, AXLE), effect())
     assert not found.significant
+
+
+def test_without_an_effect_a_gauge_has_a_good_gauges_gain_at_most():
+    rng = np.random.default_rng(4)
+    columns = rng.normal(size=(400, 3)).astype(np.float32)
+    columns[:, 1] += 0.9 * columns[:, 0]  # a tolerance that does much the same
+    bounded = np.array([True, False, False])
+    sizes = sizes_within(columns @ np.array([30.0, 1.0, -2.0], np.float32), columns, bounded)
+    assert sizes[0] == LARGEST
+    # the rest takes what it can of what that leaves: least squares beside the bound
+    left = columns @ np.array([30.0 - LARGEST, 1.0, -2.0])
+    own = columns[:, 1:].astype(float)
+    expected = np.linalg.solve(own.T @ own + np.eye(2), own.T @ left)
+    np.testing.assert_allclose(sizes[1:], expected, rtol=1e-3)
+    within = np.array([1.5, 1.0, -2.0], np.float32)
+    np.testing.assert_allclose(sizes_within(columns @ within, columns, bounded), within, rtol=0.02)

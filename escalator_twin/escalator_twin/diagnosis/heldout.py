@@ -13,7 +13,7 @@ from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import creep, of_machine
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
-from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats
@@ -110,7 +110,9 @@ def hold_out(
     if not folds:
         return HeldOut(split, 0, None)
     shaking = any(effect.cause in SHAKING for effect in effects)
-    seen = _seen(bare, plain, base, change, folds, sizes_known)
+    stood_for = tuple(e.nuisance for e in effects if e.nuisance and not of_machine(e))
+    bounded = np.array([name.startswith(stood_for) for name in bare.nuisance.names], bool)
+    seen = _seen(bare, plain, base, change, folds, sizes_known, bounded)
     return _scores(
         bare, seen, split, seed, np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     )
@@ -174,8 +176,12 @@ def _seen(
     change: Floats,
     folds: list[list[tuple[int, int]]],
     sizes_known: bool,
+    bounded: np.ndarray,
 ) -> list[Seen]:
-    """Return every held-out block with what is left of the recording without and with effects."""
+    """Return every held-out block with what is left of the recording without and with effects.
+
+    ``bounded`` tells which nuisance effects of the measurement stand for, (q,).
+    """
     n = len(stage.observation.index)
     guard = GUARD_PITCHES * stage.observation.frame.per_pitch
     later = len(folds) == 1
@@ -189,19 +195,33 @@ def _seen(
             keep[blocks[0][0] - guard :] = False
         whiten = replace(stage.whiten, mask=stage.whiten.mask * keep[:, None].astype(np.float32))
         columns = whiten(stage.nuisance.columns)
-        alone = fit(whiten(before[:, :, None])[:, 0], columns)
+        alone = sizes_within(whiten(before[:, :, None])[:, 0], columns, bounded)
         white, one = whiten(residual[:, :, None])[:, 0], whiten(change[:, :, None])
         right, gram = inner_products(fit(white, columns), one)
         # of the wrong sign it is no gain, however well it fits
         size = 1.0 if sizes_known else max(float(right[0] / max(gram[0, 0], 1e-12)), 0.0)
-        again = fit(white - size * one[:, 0], columns)
-        left = before - np.tensordot(stage.nuisance.columns, stage.allowed(alone.sizes), 1)
+        again = sizes_within(white - size * one[:, 0], columns, bounded)
+        left = before - np.tensordot(stage.nuisance.columns, stage.allowed(alone), 1)
         better = residual - size * change
-        better = better - np.tensordot(stage.nuisance.columns, stage.allowed(again.sizes), 1)
+        better = better - np.tensordot(stage.nuisance.columns, stage.allowed(again), 1)
         if later:
             left, better = (_eased(stage, blocks, rows) for rows in (left, better))
         seen += [(slice(*block), left, better) for block in blocks]
     return seen
+
+
+def sizes_within(white: np.ndarray, columns: np.ndarray, bounded: np.ndarray) -> Floats:
+    """Return sizes of the nuisance, those that are bounded no larger than a good instrument's, (q,).
+
+    A gauge's gain hardly resists: thirty of its standard deviations would be fitted without an effect.
+    """
+    sizes = fit(white, columns).sizes
+    beyond = bounded & (np.abs(sizes) > LARGEST)
+    if beyond.any():
+        sizes[beyond] = np.clip(sizes[beyond], -LARGEST, LARGEST)
+        held = columns[:, beyond] @ sizes[beyond].astype(np.float32)
+        sizes[~beyond] = fit(white - held, columns[:, ~beyond]).sizes
+    return sizes
 
 
 def _eased(stage: Stage, blocks: Sequence[tuple[int, int]], residual: Floats) -> Floats:
