@@ -168,6 +168,12 @@ def walk(
         worth = partial(_is_worth_fitting, found=found)
         tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
         weighed = weigh(_candidates(proposals, tried))
+        if weighed and _is_unrun(weighed[0], tried):
+            # what was not chosen leads once those that were are no effects: nothing is named unrun
+            alone = [weighed[0].proposal]
+            tried = [*tried, *bench.attempt(context, place, known, alone, jobs, None, worth)]
+            weighed = weigh(_candidates(proposals, tried))
+            weighed = [w for w in weighed if not _is_unrun(w, tried)]
         if say is not None:
             for row in weighed[:4]:
                 say(
@@ -214,6 +220,13 @@ def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
             one = replace(one, proposal=effect, sd=sd, rivals=rivals)
         again.append(one)
     return again
+
+
+def _is_unrun(top: Weighed, tried: Sequence[Tried]) -> bool:
+    """Tell whether the twin was never run with an effect of the machine that would be accepted."""
+    if top.probability < ACCEPT or not of_machine(top.proposal):
+        return False
+    return not any(t.proposal is top.proposal for t in tried)
 
 
 def _is_gone(proposal: Proposal) -> bool:

@@ -1,0 +1,43 @@
+"""The walk over rounds: what it accepts was run with the twin."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from escalator_twin.diagnosis import walk as module
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.trial import Tried
+from escalator_twin.diagnosis.walk import Bench, walk
+
+pytestmark = pytest.mark.issue(6)
+
+MODE = {'modal_mass_kg': 9000.0, 'frequency_hz': 4.0, 'damping_ratio': 0.04}
+FRAME = Proposal('truss_resonance', {}, MODE, 150.0, fitted=('modal_mass_kg',))
+# chosen first, and in the end smaller than three of its tolerances
+STEP = Proposal('guide_step', {'s_m': 11.4, 'side': 'both'}, {'height_m': -6e-5}, 900.0)
+
+
+@pytest.mark.parametrize(('gain', 'accepted'), [(900.0, 1), (-400.0, 0)], ids=['holds', 'fails'])
+def test_an_effect_that_was_not_chosen_is_run_before_it_is_accepted(monkeypatch, gain, accepted):
+    runs = []
+
+    def attempt(_context, _place, _known, chosen, *_):
+        runs.append([p.cause for p in chosen])
+        return [Tried(p, gain if p is FRAME else 3400.0, dict(p.sd)) for p in chosen]
+
+    place = SimpleNamespace(stage=SimpleNamespace(turned={}))
+    bench = Bench(
+        propose=lambda *_: [STEP, FRAME],
+        attempt=attempt,
+        tuned=lambda context, *_: (context, place),
+        bare=lambda place, _: place,
+        decide=lambda *_: None,
+        begin=lambda *_: {},
+    )
+    monkeypatch.setattr(module, 'freed', lambda place, _: place)
+    monkeypatch.setattr(module, 'is_open', lambda *_: False)
+    monkeypatch.setattr(module, 'look_afar', lambda *_: None)
+    context = SimpleNamespace(place=place, floor=None)
+    found = walk(context, bench=bench).found
+    assert runs == [['guide_step'], ['truss_resonance']]
+    assert [f.proposal.cause for f in found] == ['truss_resonance'] * accepted
