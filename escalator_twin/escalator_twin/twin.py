@@ -60,7 +60,7 @@ def make_simulation(
 def make_folded(machine: Machine, experiment: Experiment, step_s: float) -> Simulation:
     """Build the simulation of a linked chain, both sides lumped into one where they are alike.
 
-    Two sides alike move alike, and one that stands for both is run in 0.4 of the time: what a
+    Two sides alike move alike, and one that stands for both is run in 0.6 of the time: what a
     sensor of either side sees is the same (tests/test_physics_periodic.py).
 
     Parameters are those of `make_simulation`.
