@@ -21,6 +21,7 @@ MARKERS = (
     'long: takes minutes; runs with --long (make test-long)',
     'ros: needs rclpy and the built workspace, sourced',
     'issue(n): guards against the return of issue n',
+    'asks_for(name): which hidden machine is made and diagnosed for it',
 )
 
 # Above 101, the ports of a domain fall into the range from which Linux serves others.

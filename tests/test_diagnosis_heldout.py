@@ -13,6 +13,7 @@ import trials
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.free import creep, freed
 from escalator_twin.diagnosis.heldout import folds_of, hold_out, sizes_within
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import Nuisance
@@ -191,6 +192,21 @@ def test_a_right_extension_gains(proposal, seed):
         assert row['chi2_after'] == pytest.approx(1.0, abs=0.15)
         assert row['chi2_before'] > 4.0
         assert row['nrmse_band_after'] < row['nrmse_band_before']
+
+
+@pytest.mark.parametrize('proposal', [EVERYWHERE, effect()], ids=['folds', 'later'])
+def test_beside_a_gauges_creep_an_effect_of_the_machine_gains(proposal):
+    measured, base = recorded()
+    link = MACHINE.instruments.sensor(CHANNELS[0]).name
+    numbers = {'strain': 1e-5, 'curvature': 0.0}
+    drift = Proposal('gauge_drift', {'link': link}, numbers, 1e3, fitted=('strain',))
+    stage = stage_of(measured, base)
+    model = base + passing(N, AXLE)
+    measured += creep(stage, drift)  # in place: the stage's own
+    after = freed(Beside(stage, None, model, stage.fit(model)), [drift])
+    found = hold_out(SimpleNamespace(machine=MACHINE), after, [proposal, drift], 1)
+    assert found.significant
+    assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
 
 
 def test_sizes_are_fitted_anew():

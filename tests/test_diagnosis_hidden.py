@@ -73,14 +73,21 @@ def start(tmp_path_factory) -> Iterator[Start]:
 
 
 @pytest.fixture(scope='session')
-def hidden(start, tmp_path_factory) -> dict[str, tuple[Future[Told], Path]]:
-    """Return verdicts to come, and where the truth lies."""
+def hidden(start, tmp_path_factory, request) -> dict[str, tuple[Future[Told], Path]]:
+    """Return verdicts to come, and where the truth lies, of what this session asks for."""
     folder = tmp_path_factory.mktemp('hidden')
+    asked = {
+        mark.args[0]
+        for item in request.session.items
+        if not item.get_closest_marker('skip')
+        for mark in item.iter_markers('asks_for')
+    }
     found = {}
     for number, (name, order) in enumerate(HIDDEN.items()):
-        bag, truth = folder / f'machine_{number}', folder / 'truth' / f'{number}.json'
-        write(make(order), bag, truth)
-        found[name] = start(bag), truth
+        if name in asked:
+            bag, truth = folder / f'machine_{number}', folder / 'truth' / f'{number}.json'
+            write(make(order), bag, truth)
+            found[name] = start(bag), truth
     return found
 
 
@@ -97,6 +104,7 @@ def outcome(hidden, name):
     return judge(truth, verdict), verdict
 
 
+@pytest.mark.asks_for('drag')
 def test_a_hidden_drag_is_named_at_its_axle(hidden):
     found, verdict = outcome(hidden, 'drag')
     assert found.cause_right
@@ -106,6 +114,7 @@ def test_a_hidden_drag_is_named_at_its_axle(hidden):
 
 
 @pytest.mark.long
+@pytest.mark.asks_for('drag')
 def test_its_extension_runs_and_gains(hidden):
     _, verdict = outcome(hidden, 'drag')
     description = yaml.safe_load(Path(verdict['extended_machine']).read_text(encoding='utf-8'))
@@ -119,6 +128,7 @@ def test_its_extension_runs_and_gains(hidden):
 
 
 @pytest.mark.long
+@pytest.mark.asks_for('frame')
 def test_a_hidden_bounce_of_the_frame_is_named(hidden):
     found, verdict = outcome(hidden, 'frame')
     assert [e['cause'] for e in verdict['effects']] == ['truss_resonance']
@@ -129,6 +139,7 @@ def test_a_hidden_bounce_of_the_frame_is_named(hidden):
 
 
 @pytest.mark.long
+@pytest.mark.asks_for('clean')
 def test_within_tolerance_nothing_is_named(hidden):
     found, verdict = outcome(hidden, 'clean')
     assert verdict['effects'] == []

@@ -96,7 +96,7 @@ def hold_out(
     sizes_known : bool
         The sizes come from other recordings: nothing of the effects is fitted to this one.
     """
-    stage = _without_own(after.stage, effects)
+    stage = _without_own(_with_columns(after.stage), effects)
     bare = replace(stage, machine=context.machine)
     base = bare.run()
     plain = base if turned is None else replace(bare, turned=dict(turned)).run()
@@ -116,6 +116,13 @@ def hold_out(
     return _scores(
         bare, seen, split, seed, np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     )
+
+
+def _with_columns(stage: Stage) -> Stage:
+    """Return the stage without the names of what was freed for an effect: it has no column here."""
+    nuisance = stage.nuisance
+    names = nuisance.names[: nuisance.columns.shape[2]]
+    return replace(stage, nuisance=replace(nuisance, names=names))
 
 
 def _without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
