@@ -6,7 +6,7 @@ import pytest
 
 from escalator_twin.diagnosis import walk as module
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.trial import Tried
+from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.walk import Bench, walk
 
 pytestmark = pytest.mark.issue(6)

@@ -9,7 +9,7 @@ from escalator_twin.causes import alter_layout, alter_machine, alter_parameters
 from escalator_twin.machine import Machine, MultibodyMachine, Sensor
 from escalator_twin.physics.multibody.layout import lay_out, Layout, PARTS
 from escalator_twin.physics.multibody.simulation import MultibodySimulation
-from escalator_twin.physics.parameters import has_like_sides, make_parameters
+from escalator_twin.physics.parameters import has_like_sides, make_parameters, Parameters
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.rollout import Simulation, STEP_S, Trace
 from escalator_twin.signals import Experiment
@@ -53,8 +53,7 @@ def make_simulation(
     if isinstance(altered, MultibodyMachine):
         return MultibodySimulation(altered, _layout(altered, experiment, parts), step_s)
     parameters = alter_parameters(make_parameters(altered, experiment, planar), altered)
-    path = replace(build_path(altered.guide), segments=parameters.segments)
-    return Simulation(altered, parameters, path, step_s or STEP_S)
+    return _linked(altered, parameters, step_s or STEP_S)
 
 
 def make_folded(machine: Machine, experiment: Experiment, step_s: float) -> Simulation:
@@ -69,8 +68,13 @@ def make_folded(machine: Machine, experiment: Experiment, step_s: float) -> Simu
     parameters = alter_parameters(make_parameters(altered, experiment), altered)
     if has_like_sides(parameters):
         parameters = alter_parameters(make_parameters(altered, experiment, planar=True), altered)
-    path = replace(build_path(altered.guide), segments=parameters.segments)
-    return Simulation(altered, parameters, path, step_s)
+    return _linked(altered, parameters, step_s)
+
+
+def _linked(machine: Machine, parameters: Parameters, step_s: float) -> Simulation:
+    """Build a chain of links on the guide that its deviations left."""
+    path = replace(build_path(machine.guide), segments=parameters.segments)
+    return Simulation(machine, parameters, path, step_s)
 
 
 def _layout(machine: MultibodyMachine, experiment: Experiment, parts: tuple[str, ...]) -> Layout:

@@ -33,10 +33,11 @@ from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
-from escalator_twin.diagnosis.trial import DRIVE, MOVES_RESONANCE
+from escalator_twin.diagnosis.trial import MOVES_RESONANCE
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import look, Unexplained
 from escalator_twin.diagnosis.view import View
+from escalator_twin.diagnosis.waves import DRIVE
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Recording
 

@@ -33,15 +33,10 @@ def best_frame(
 
     Parameters
     ----------
-    stage : Stage
-    base : (n, c) float64
-        Its model.
-    fitted : Fitted
-        What that leaves, with the nuisance.
+    stage, base, fitted, jobs
+        As of `scan.scored`.
     proposal : Proposal
         Of a bouncing frame.
-    jobs : int
-        Simulations at a time.
     """
     reference = KNOWN[proposal.cause].references[0]
     count = int(np.log(HIGHEST_HZ / LOWEST_HZ) / np.log(RATIO)) + 1

@@ -27,9 +27,8 @@ STEP_S = 5e-3 / 3.0
 GRID_HZ = 50.0  # of the grids along travel, at the real speed
 RATE_HZ = 200.0  # of simulated records
 MARGIN_S = 1.0  # simulated beyond both ends of a loop: for the low-pass, and for the rack's dogs
-PITCH_MARGIN_S = (
-    0.25  # beyond both ends of a pitch, for the low-pass alone: exp(-12) is left of it
-)
+# Beyond both ends of a pitch, for the low-pass alone: exp(-12) is left of it.
+PITCH_MARGIN_S = 0.25
 FILTER_ORDER = 4
 
 

@@ -20,16 +20,15 @@ LEVELS = ((4.0, (1.0, 0.5, 0.25)), (8.0, (0.12, 0.06)), (None, (0.03, 0.015)))
 SHORTEST_M = 0.3
 
 
-def best_stretch(stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal) -> Proposal:
+def best_stretch(
+    stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal, jobs: int = 1
+) -> Proposal:
     """Return the proposal with the ends that explain most.
 
     Parameters
     ----------
-    stage : Stage
-    base : (n, c) float64
-        Its model.
-    fitted : Fitted
-        What that leaves, with the nuisance.
+    stage, base, fitted, jobs
+        As of `scan.scored`.
     proposal : Proposal
         A drag between ``s_from_m`` and ``s_to_m``.
     """
@@ -39,7 +38,7 @@ def best_stretch(stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal)
         left = fitted if cut_hz is None else level.fit(base)
         for share in shares:
             variants = _around(stage, found, share * stage.observation.frame.pitch_m)
-            found = best_variant(level, base, left, variants) or found
+            found = best_variant(level, base, left, variants, jobs) or found
     return found
 
 

@@ -20,9 +20,13 @@ from escalator_twin.diagnosis.verdict import (
 from escalator_twin.diagnosis.walk import Found, Walked
 
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
-# Of a frame's numbers: one line of its answer is as strong for a lighter frame, or a damped one, that is
-# further off; from recordings of development (seed 75001).
-LINE_ERRORS = {'frequency_hz': 0.02, 'modal_mass_kg': 0.35, 'damping_ratio': 0.35}
+# Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
+# that is further off; from recordings of development (seed 75001).
+VALUE_ERRORS = {
+    ('truss_resonance', 'frequency_hz'): 0.02,
+    ('truss_resonance', 'modal_mass_kg'): 0.35,
+    ('truss_resonance', 'damping_ratio'): 0.35,
+}
 SURE = 0.9  # probability from which nothing more is asked for
 DOUBTFUL = 0.1  # from which a cause that is not named is worth another experiment
 MOST_CANDIDATES = 20
@@ -101,9 +105,7 @@ def _spread(found: Found, name: str, value: float) -> float:
     tolerance = parameter.tolerance or 0.0
     # a factor multiplies the machine's own value
     tolerance *= value if parameter.name == 'factor' else 0.5
-    law = LAW_ERROR * size
-    if proposal.cause == 'truss_resonance':
-        law = LINE_ERRORS[name] * value
+    law = np.hypot(LAW_ERROR * size, VALUE_ERRORS.get((proposal.cause, name), 0.0) * value)
     return float(np.sqrt(sd**2 + tolerance**2 + law**2))
 
 

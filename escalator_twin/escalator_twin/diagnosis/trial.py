@@ -2,28 +2,29 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.context import Beside, beside, Context
-from escalator_twin.diagnosis.drive import locks, refine_drive, refine_wave
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.frames import best_frame
-from escalator_twin.diagnosis.free import FREED, freed
+from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import approach, polish, polish_whole, Polished, STEPS
+from escalator_twin.diagnosis.polish import approach, polish, polish_whole, STEPS
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
+from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.turns import best_turn
 from escalator_twin.diagnosis.unexplained import is_open
+from escalator_twin.diagnosis.waves import DRIVE, IN_TIME, locked, pairs, realigned
 from escalator_twin.errors import EscalatorError
-from escalator_twin.machine import Deviation
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
@@ -40,36 +41,13 @@ MOVES_RESONANCE = frozenset({
     'drive_stiffness', 'chain_elongation', 'landing_length', 'rolling_resistance',
     'truss_resonance',
 })  # fmt: skip
-DRIVE = ('drive_hunting', 'drive_ripple')
-IN_TIME = ('drive_hunting',)
-# Which places, angles or frequencies are looked for with the twin itself.
-SCANNED = ('guide_drag', 'roller_flat', 'truss_resonance')
+# Whose ends, angle or frequency are looked for with the twin itself: the best of each.
+SCANS = {'guide_drag': best_stretch, 'roller_flat': best_turn, 'truss_resonance': best_frame}
 # Whose sides look alike but for the axle's racking.
 SIDED = ('roller_drag', 'link_stiffness', 'guide_step')
 
 
 Worth = Callable[[str, float], bool]
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A proposal that the twin was run with.
-
-    Attributes
-    ----------
-    proposal : Proposal
-        With the fitted numbers.
-    gain : float
-        Fall of chi squared, in the channels that the cause acts on.
-    sd : mapping of parameter to float
-    polished : Polished or None
-        Where it was fitted together with the tolerances and the known effects, these first.
-    """
-
-    proposal: Proposal
-    gain: float
-    sd: dict[str, float]
-    polished: Polished | None = None
 
 
 def try_all(
@@ -107,20 +85,18 @@ def try_all(
     base, fitted = place.model, place.fitted
     stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
-    stretches = [p for p in single if p.cause == 'guide_drag'][:1]  # its ends are looked for anew
-    flats = [p for p in single if p.cause == 'roller_flat'][:1]  # and the angle of a spot
-    frames = [p for p in single if p.cause == 'truss_resonance'][:1]  # and a frame's frequency
-    single = [p for p in single if p.cause not in SCANNED]
+    waves_of = pairs(contenders, stage.observation.frame)
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        single += pool.map(lambda p: best_stretch(stage, base, fitted, p), stretches)
-        single += pool.map(lambda p: best_turn(stage, base, fitted, p), flats)
-        single += [best_frame(stage, base, fitted, p, jobs) for p in frames]
+        for cause, scan in SCANS.items():
+            scanned = [p for p in single if p.cause == cause]
+            single = [p for p in single if p.cause != cause]
+            single += [scan(stage, base, fitted, p, jobs) for p in scanned[:1]]
         first = [
             r
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
             if r is not None
         ]
-        waves = pool.map(lambda pair: refine_drive(stage, base, fitted, *pair), _pairs(contenders))
+        waves = pool.map(lambda pair: refine_drive(stage, base, fitted, *pair), waves_of)
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
@@ -132,7 +108,7 @@ def try_all(
             level = place.stage.judged(place.fitted) - best
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
     rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
-    tried = sorted(_locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
+    tried = sorted(locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
 
 
@@ -302,10 +278,10 @@ def _fitted(
     ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
     """
     if refined.proposal.cause in DRIVE:
-        wave = _realigned(context, place, refined)
+        refined = realigned(context, place, refined)
         if refined.proposal.cause in IN_TIME:
-            return wave  # the twin's own clock knows no wander: it cannot be run at every step
-        refined = replace(refined, proposal=wave.proposal, gain=wave.gain, sd=wave.sd)
+            # the twin's own clock knows no wander: it cannot be run at every step
+            return _plain(refined)
     again, fixed = _of_machine(known)
     before = place.stage.judged(place.fitted, refined.proposal.cause)
     try:
@@ -345,61 +321,3 @@ def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
     knobs = [knob.name for knob in knobs_of(machine, context.setting.experiment)]
     rest = [responses.knobs[name][:, moved].mean() for name in knobs if name in responses.knobs]
     return {**sd, 'displacement_m': float(np.hypot(sd['displacement_m'], np.linalg.norm(rest)))}
-
-
-def _realigned(context: Context, place: Beside, refined: Refined) -> Tried:
-    """Align the recording anew with a wave of the drive, and fit it there once more."""
-    deviations = (*_known(context, place), refined.proposal.deviation)
-    try:
-        anew = beside(context, deviations, turned=place.stage.turned)
-    except EscalatorError:
-        return _plain(refined)
-    bare = replace(anew.stage, machine=place.stage.machine)
-    if bare.white_nuisance.shape[1] == place.stage.white_nuisance.shape[1]:
-        bare = replace(bare, white_nuisance=bare.white_nuisance * _widths(place))
-    in_time = refined.proposal.cause == 'drive_hunting'
-    again = refine_wave(bare, bare.run(), place.fitted, refined.proposal, in_time)
-    cause = refined.proposal.cause
-    gain = place.stage.judged(place.fitted, cause) - bare.judged(again.fitted, cause)
-    return _plain(replace(again, gain=gain) if gain > refined.gain else refined)
-
-
-def _known(context: Context, place: Beside) -> tuple[Deviation, ...]:
-    """Return the deviations that were accepted so far."""
-    return place.stage.machine.deviations[len(context.machine.deviations) :]
-
-
-def _widths(place: Beside) -> np.ndarray:
-    """Return by how much each nuisance's prior was widened, (q,)."""
-    plain = place.stage.whiten(place.stage.nuisance.columns[:, :, :])
-    now = place.stage.white_nuisance[:, : plain.shape[1]]
-    power = np.sqrt(np.sum(now**2, axis=0) / np.maximum(np.sum(plain**2, axis=0), 1e-30))
-    return np.where(power > 2.0, FREED, 1.0).astype(np.float32)
-
-
-def _locked(context: Context, place: Beside, tried: list[Tried]) -> list[Tried]:
-    """Weigh hunting against ripple of one wave by the same runs."""
-    waves = {cause: next((t for t in tried if t.proposal.cause == cause), None) for cause in DRIVE}
-    hunting, ripple = waves['drive_hunting'], waves['drive_ripple']
-    if hunting is None or ripple is None:
-        return tried
-    best = max(hunting.gain, ripple.gain)
-    if best < CLOSE * max(t.gain for t in tried):
-        return tried
-    deviations = (*_known(context, place), hunting.proposal.deviation)
-    anew = beside(context, deviations, steps=1, turned=place.stage.turned)
-    bare = replace(anew.stage, machine=place.stage.machine)
-    in_time, in_travel = locks(bare, bare.run(), hunting.proposal)
-    low = min(in_time, in_travel)
-    weighed = {
-        id(hunting): replace(hunting, gain=best - (in_time - low)),
-        id(ripple): replace(ripple, gain=best - (in_travel - low)),
-    }
-    return [weighed.get(id(t), t) for t in tried]
-
-
-def _pairs(contenders: Sequence[Proposal]) -> list[tuple[Proposal, Proposal]]:
-    """Return hunting and ripple of one frequency, which explain as much, together."""
-    hunting = [p for p in contenders if p.cause == 'drive_hunting']
-    ripple = [p for p in contenders if p.cause == 'drive_ripple']
-    return [(h, r) for h in hunting for r in ripple if h.gain == r.gain]

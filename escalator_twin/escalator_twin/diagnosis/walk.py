@@ -12,7 +12,8 @@ from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
-from escalator_twin.diagnosis.trial import MOVES_RESONANCE, Tried, try_all
+from escalator_twin.diagnosis.trial import MOVES_RESONANCE, try_all
+from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import is_open
 from escalator_twin.diagnosis.verdict import (

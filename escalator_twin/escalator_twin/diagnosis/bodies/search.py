@@ -20,7 +20,7 @@ from escalator_twin.diagnosis.search import best, Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.search_whole import beyond, tolerances
 from escalator_twin.diagnosis.stage import LARGEST
-from escalator_twin.diagnosis.trial import Tried
+from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.walk import Bench
 

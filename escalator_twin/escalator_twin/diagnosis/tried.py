@@ -1,0 +1,27 @@
+"""What the twin was run with: a proposal with its fitted numbers, and what it explains."""
+
+from dataclasses import dataclass
+
+from escalator_twin.diagnosis.polish import Polished
+from escalator_twin.diagnosis.proposals import Proposal
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A proposal that the twin was run with.
+
+    Attributes
+    ----------
+    proposal : Proposal
+        With the fitted numbers.
+    gain : float
+        Fall of chi squared, in the channels that the cause acts on.
+    sd : mapping of parameter to float
+    polished : Polished or None
+        Where it was fitted together with the tolerances and the known effects, these first.
+    """
+
+    proposal: Proposal
+    gain: float
+    sd: dict[str, float]
+    polished: Polished | None = None
