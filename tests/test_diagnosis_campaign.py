@@ -15,8 +15,8 @@ from escalator_twin.diagnosis.campaign import (
     union_of,
 )
 from escalator_twin.diagnosis.faults import Fault
-from escalator_twin.diagnosis.heldout import HeldOut
 from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.walk import Found
 from escalator_twin.signals import Experiment
 

@@ -23,12 +23,13 @@ from escalator_twin.diagnosis.drive import refine_wave
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
-from escalator_twin.diagnosis.heldout import HeldOut, hold_out
+from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.polish import increments
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.regression import inner_products, inverse
+from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.split import split

@@ -15,8 +15,9 @@ from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import of_machine
-from escalator_twin.diagnosis.heldout import HeldOut, hold_out
+from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.preparation import prepare
+from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change

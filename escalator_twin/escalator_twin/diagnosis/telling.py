@@ -9,8 +9,8 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.further import decide_between, Further
-from escalator_twin.diagnosis.heldout import HeldOut
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.verdict import (
     ALIKE,
     EFFECT_TOLERANCES,
