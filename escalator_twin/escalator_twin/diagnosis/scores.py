@@ -1,0 +1,164 @@
+"""How what is left without and with effects compares on held-out blocks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.whitening import sensor_variance
+from escalator_twin.metrics.filters import lowpass
+from escalator_twin.signals import Floats
+
+TREND_HZ = 2.0
+DRAWS = 2000  # of the block bootstrap
+WORSE = 0.02  # contracts.md: no channel may become worse by more
+Seen = tuple[slice, Floats, Floats]  # of a block; what is left without and with effects
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A held-out comparison of one recording.
+
+    Attributes
+    ----------
+    split : str
+        How it was split, or why it was not.
+    blocks : int
+    channels : mapping, or None where there is no second look
+    gain_low, gain_high : float
+        95 % interval, over blocks, of the relative fall of the squared residual.
+    significant : bool
+    worse : tuple of str
+        Channels that become worse by more than 2 %.
+    """
+
+    split: str
+    blocks: int
+    channels: dict[str, dict[str, float]] | None
+    gain_low: float = 0.0
+    gain_high: float = 0.0
+    significant: bool = False
+    worse: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any] | None:
+        """Return the JSON of contracts.md; None where there is none."""
+        if self.channels is None:
+            return None
+        return {
+            'split': self.split,
+            'blocks': self.blocks,
+            'channels': self.channels,
+            'gain_interval': [self.gain_low, self.gain_high],
+            'significant': self.significant,
+            'worse': list(self.worse),
+        }
+
+
+def scored(
+    stage: Stage, seen: Sequence[Seen], split: str, seed: int, channels_used: np.ndarray
+) -> HeldOut:
+    """Return scores by channel and the gain over blocks, by a bootstrap of whole blocks.
+
+    Parameters
+    ----------
+    stage : Stage
+    seen : sequence of Seen
+    split : str
+        How the blocks were chosen, in words.
+    seed : int
+        Of the bootstrap.
+    channels_used : (c,) bool
+        Channels whose energy counts for the gain.
+    """
+    observation = stage.observation
+    rate = observation.frame.rate_hz
+    channels: dict[str, dict[str, float]] = {}
+    energy = np.zeros((len(seen), 2, len(observation.channels)))
+    whitened = {
+        id(rows): _whitened(stage, rows) for _, plain, better in seen for rows in (plain, better)
+    }
+    smooth = {
+        id(rows): np.stack([lowpass(rows[:, k], TREND_HZ, rate) for k in range(rows.shape[1])], 1)
+        for _, plain, better in seen
+        for rows in (plain, better)
+    }
+    for k, channel in enumerate(observation.channels):
+        measured = observation.measured[:, k]
+        low = lowpass(measured, TREND_HZ, rate)
+        own = sensor_variance(stage.machine.instruments.sensor(channel), rate)
+        rows: dict[str, list[Floats]] = {name: [] for name in ('m', 'ml', 'b', 'a', 'bl', 'al')}
+        for i, (block, plain, better) in enumerate(seen):
+            good = observation.valid[block, k]
+            parts = (
+                ('m', measured), ('ml', low), ('b', plain[:, k]), ('a', better[:, k]),
+                ('bl', smooth[id(plain)][:, k]), ('al', smooth[id(better)][:, k]),
+            )  # fmt: skip
+            for name, values in parts:
+                rows[name].append(values[block][good])
+            for side, rows_of in enumerate((plain, better)):
+                white = whitened[id(rows_of)][block, k][good]
+                energy[i, side, k] = float(np.sum(white**2)) * channels_used[k]
+        joined = {name: np.concatenate(parts) for name, parts in rows.items()}
+        if len(joined['m']) < 8:
+            continue
+        channels[channel] = _channel(joined, own)
+    rng = np.random.default_rng(seed)
+    picks = rng.integers(0, len(seen), (DRAWS, len(seen)))
+    drawn = energy[picks].sum(axis=1)
+    low_gain, high_gain = _interval(drawn.sum(axis=2))
+    worse = [
+        channel
+        for k, channel in enumerate(observation.channels)
+        if channel in channels and channels_used[k] and _is_worse(drawn[:, :, k])
+    ]
+    return HeldOut(split, len(seen), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
+
+
+def _interval(drawn: Floats) -> tuple[float, float]:
+    """Return the 95 % interval of the relative fall of energies before and after, (draws, 2)."""
+    gains = 1.0 - drawn[:, 1] / np.maximum(drawn[:, 0], 1e-30)
+    low, high = np.quantile(gains, (0.025, 0.975))
+    return float(low), float(high)
+
+
+def _is_worse(drawn: Floats) -> bool:
+    """Tell whether a channel's amplitude surely rises, and by more than `WORSE`."""
+    total = drawn.mean(axis=0)
+    risen = float(np.sqrt(total[1] / max(float(total[0]), 1e-30))) - 1.0
+    return risen > WORSE and _interval(drawn)[1] < 0.0
+
+
+def _channel(rows: dict[str, Floats], variance: float) -> dict[str, float]:
+    """Return the scores of one channel on its held-out samples."""
+    spread = max(float(np.std(rows['ml'])), 1e-12)
+    band = max(float(np.std(rows['m'])), 1e-12)
+
+    def correlation(residual: Floats) -> float:
+        simulated = rows['ml'] - residual
+        if np.std(simulated) == 0.0 or np.std(rows['ml']) == 0.0:
+            return 0.0
+        return float(np.corrcoef(rows['ml'], simulated)[0, 1])
+
+    return {
+        'nrmse_before': float(np.std(rows['bl']) / spread),
+        'nrmse_after': float(np.std(rows['al']) / spread),
+        'r_time_before': correlation(rows['bl']),
+        'r_time_after': correlation(rows['al']),
+        'nrmse_band_before': float(np.std(rows['b']) / band),
+        'nrmse_band_after': float(np.std(rows['a']) / band),
+        'chi2_before': float(np.mean(rows['b'] ** 2) / variance),
+        'chi2_after': float(np.mean(rows['a'] ** 2) / variance),
+    }
+
+
+def _whitened(stage: Stage, residual: Floats) -> Floats:
+    """Return a residual along the grid, each frequency over the floor, (n, c)."""
+    n, c = residual.shape
+    whole = np.zeros((n, c))
+    waves = stage.whiten(residual[:, :, None])[:, 0].reshape(-1, c)
+    whole[: len(waves)] = waves
+    found: Floats = fft.idct(whole, axis=0, norm='ortho')
+    return found
