@@ -65,23 +65,32 @@ def draw_set(
     return [plan(k, seed, 1, names, (size,)) for k, (_, size) in enumerate(wanted)]
 
 
-def diagnose(bag: Path, folder: Path, machine: Path, jobs: int) -> dict[str, Any]:
-    """Run the command on one bag; the verdict stays in ``folder``, what it took is returned."""
-    target = folder / f'{bag.name}.json'
+def diagnose(
+    bags: Sequence[Path], folder: Path, machine: Path, jobs: int, limit_s: float = LIMIT_S
+) -> dict[str, Any]:
+    """Run the command on the bags of one machine.
+
+    The verdict stays in ``folder`` under the first bag's name; what it took is returned.
+    """
+    target = folder / f'{bags[0].name}.json'
     target.unlink(missing_ok=True)
     words = [
-        sys.executable, '-m', 'escalator_twin.cli.main', 'diagnose', str(bag),
+        sys.executable, '-m', 'escalator_twin.cli.main', 'diagnose', *map(str, bags),
         '--machine', str(machine), '--json', str(target), '--jobs', str(jobs),
     ]  # fmt: skip
     start = time.perf_counter()
     try:
         done = subprocess.run(
-            words, capture_output=True, text=True, timeout=LIMIT_S, env=environment(), check=False
+            words, capture_output=True, text=True, timeout=limit_s, env=environment(), check=False
         )
         status, text = done.returncode, done.stderr.strip()
     except subprocess.TimeoutExpired:
-        status, text = -1, f'no verdict in {LIMIT_S:g} s'
-    spent = {'name': bag.name, 'seconds': round(time.perf_counter() - start, 2), 'load': load()}
+        status, text = -1, f'no verdict in {limit_s:g} s'
+    spent = {
+        'name': bags[0].name,
+        'seconds': round(time.perf_counter() - start, 2),
+        'load': load(),
+    }
     return spent if status == 0 else {**spent, 'status': status, 'error': text[-400:]}
 
 
@@ -106,7 +115,7 @@ def diagnose_all(
             known: dict[str, Any] = json.loads(note.read_text(encoding='utf-8'))
             if 'status' not in known:
                 return known
-        spent = diagnose(bag, folder, machine, max(1, cores // at_once))
+        spent = diagnose([bag], folder, machine, max(1, cores // at_once))
         note.write_text(json.dumps(spent) + '\n', encoding='utf-8')
         return spent
 

@@ -6,7 +6,7 @@ as right is written in contracts.md, and nothing of it is taken from the package
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import dist, exp, hypot
+from math import dist, exp, hypot, nan
 from typing import Any
 
 from scipy import stats
@@ -59,19 +59,28 @@ class Truth:
 
     @classmethod
     def of(cls, document: Json) -> 'Truth':
-        """Read a truth file of the generator; at most one effect is hidden."""
-        effects = document['effects']
-        if not effects:
+        """Read a truth file of the generator in which at most one effect is hidden."""
+        truths = cls.all_of(document)
+        if not truths:
             return cls(CLEAN, '', {}, {}, '')
-        (effect,) = effects
-        kind = NOT_LISTED if effect['cause'].startswith(UNLISTED) else LISTED
-        return cls(
-            kind,
-            effect['cause'],
-            effect.get('location') or {},
-            effect.get('parameters') or {},
-            document.get('size') or '',
-            document.get('speed_m_s'),
+        (truth,) = truths
+        return truth
+
+    @classmethod
+    def all_of(cls, document: Json) -> tuple['Truth', ...]:
+        """Read a truth file of the generator, however many effects are hidden."""
+        effects = document['effects']
+        # the generator joins the sizes of several effects; here they count as one
+        return tuple(
+            cls(
+                NOT_LISTED if effect['cause'].startswith(UNLISTED) else LISTED,
+                effect['cause'],
+                effect.get('location') or {},
+                effect.get('parameters') or {},
+                document.get('size') or '',
+                document.get('speed_m_s'),
+            )
+            for effect in effects
         )
 
 
@@ -142,6 +151,54 @@ def judge(truth: Truth, verdict: Json | None, seconds: float = 0.0) -> Outcome:
         belief,
         seconds,
     )
+
+
+@dataclass(frozen=True)
+class Together:
+    """What one verdict on several hidden effects was worth.
+
+    Attributes
+    ----------
+    truths : tuple of Truth
+    right : tuple of bool
+        Of every hidden effect: it is named, at its place.
+    errors : tuple of float
+        Of the right ones: the largest error over the effect's own size; nan without a size.
+    others : tuple of str
+        Causes that are named and not hidden.
+    seconds : float
+    failed : bool
+    """
+
+    truths: tuple[Truth, ...]
+    right: tuple[bool, ...]
+    errors: tuple[float, ...]
+    others: tuple[str, ...]
+    seconds: float = 0.0
+    failed: bool = False
+
+
+def judge_together(
+    truths: Sequence[Truth], verdict: Json | None, seconds: float = 0.0
+) -> Together:
+    """Hold a verdict against all that is hidden; None where there is no verdict."""
+    rows = tuple(truths)
+    if verdict is None:
+        return Together(rows, (False,) * len(rows), (), (), seconds, failed=True)
+    left = [e for e in verdict['effects'] if len(e['alternatives']) <= MOST_ALTERNATIVES]
+    right, errors = [], []
+    for truth in rows:
+        own = next(
+            (e for e in left if is_cause(truth, e) and is_place(truth.location, e['location'])),
+            None,
+        )
+        right.append(own is not None)
+        if own is not None:
+            left.remove(own)
+            known = [row.error for row in sizes(truth, own) if row.error is not None]
+            errors.append(max(known, default=nan))
+    others = tuple(e['cause'] for e in left)
+    return Together(rows, tuple(right), tuple(errors), others, seconds)
 
 
 def is_cause(truth: Truth, effect: Json) -> bool:

@@ -8,6 +8,7 @@ from benchmarks.scoring import (
     confusion,
     is_place,
     judge,
+    judge_together,
     NOTHING,
     Rate,
     Truth,
@@ -66,6 +67,39 @@ def test_a_truth_is_read_as_the_generator_writes_it():
     assert truth == Truth('listed', 'step_mass', {'step': 3}, {'delta_kg': 6}, 'third', 0.51)
     assert Truth.of({'effects': [], 'size': None}) == NONE
     assert Truth.of({'effects': [{'cause': 'unlisted_blows'}]}).kind == 'unlisted'
+
+
+def test_several_truths_are_read_as_well():
+    document = {'effects': [{'cause': 'step_mass'}, {'cause': 'unlisted_blows'}]}
+    assert [t.kind for t in Truth.all_of(document)] == ['listed', 'unlisted']
+    assert Truth.all_of({'effects': []}) == ()
+
+
+# several effects at once
+
+FRICTION = Truth('listed', 'tensioner_friction', {}, {'force_N': 150.0}, 'reference')
+
+
+@pytest.mark.issue(7)
+def test_each_hidden_effect_is_looked_for_among_all_that_is_named():
+    friction = effect('tensioner_friction', {}, {'force_N': number(135.0, 120.0, 150.0)})
+    found = judge_together([DRAG, FRICTION], verdict(friction, drag()), 3.0)
+    assert (found.right, found.others, found.seconds) == ((True, True), (), 3.0)
+    assert found.errors == pytest.approx((0.0, 0.1))
+
+
+@pytest.mark.issue(7)
+def test_a_wrong_place_is_a_name_too_many():
+    found = judge_together([DRAG], verdict(drag(axle=8), drag()))
+    assert (found.right, found.others) == ((True,), ('roller_drag',))
+    assert judge_together([DRAG, FRICTION], verdict(drag())).right == (True, False)
+
+
+@pytest.mark.issue(7)
+def test_no_verdict_names_nothing():
+    found = judge_together([DRAG], None)
+    assert found.failed
+    assert found.right == (False,)
 
 
 # places

@@ -1,6 +1,7 @@
 """The independent generator: what it promises about itself and its recordings."""
 
 import ast
+from dataclasses import astuple
 import hashlib
 import json
 from pathlib import Path
@@ -180,6 +181,16 @@ def test_a_hidden_set_keeps_its_truth_apart(tmp_path):
     truth = json.loads((tmp_path / 'truth' / 'machine_000_0.json').read_text())
     assert truth['effects'][0]['cause'] == 'roller_drag'
     assert b'roller_drag' not in (tmp_path / 'machine_000_0' / 'machine_000_0.mcap').read_bytes()
+
+
+def test_several_causes_are_hidden_in_all_experiments_of_a_machine():
+    chosen = plan(0, 11, 16, effects=3)
+    names = {tuple(e.cause for e in order.effects) for order in chosen.orders}
+    (causes,) = names
+    assert len(set(causes)) == 3
+    cases = {astuple(order.case) for order in chosen.orders}
+    assert len(cases) == 16
+    assert len({order.machine_seed for order in chosen.orders}) == 1
 
 
 def test_the_seed_decides_cause_size_place_and_experiment():

@@ -82,7 +82,10 @@ def parser() -> argparse.ArgumentParser:
     many.add_argument('--n', type=int, required=True, help='machines')
     many.add_argument('--seed', type=int, required=True)
     many.add_argument('--out', type=Path, required=True)
-    many.add_argument('--recordings', type=int, default=1, help='recordings of each machine')
+    many.add_argument(
+        '--recordings', type=int, default=1, help='of each machine; 16: one of each experiment'
+    )
+    many.add_argument('--effects', type=int, default=1, help='hidden in each machine')
     many.add_argument(
         '--causes',
         nargs='*',
@@ -127,7 +130,14 @@ def main() -> None:
         write_samples(given.out)
     elif given.verb == 'hidden':
         plans = [
-            plan(index, given.seed, given.recordings, given.causes, tuple(given.sizes))
+            plan(
+                index,
+                given.seed,
+                given.recordings,
+                given.causes,
+                tuple(given.sizes),
+                given.effects,
+            )
             for index in range(given.n)
         ]
         write_hidden(plans, given.seed, given.out, given.jobs)

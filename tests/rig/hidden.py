@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 import json
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from rig.make import Effect, make, Order, write
 
 CLEAN_SHARE, UNLISTED_SHARE = 0.15, 0.15  # -, of the machines
 SPEEDS_M_S, LOADS_KG, PRELOADS_N = (0.25, 0.5), (0.0, 75.0), (3000.0, 6000.0)
+EXPERIMENTS = tuple(Case(*row) for row in product(SPEEDS_M_S, (1, -1), LOADS_KG, PRELOADS_N))
 DURATION_S = {0.25: 165.0, 0.5: 110.0}  # s, more than a loop and a half, as the campaign's
 SEED_STEP = 1000  # recordings of one set have seeds of their own
 
@@ -49,32 +51,50 @@ def draw_cause(rng: np.random.Generator) -> str | None:
     return names[int(rng.integers(len(names)))]
 
 
+def draw_causes(
+    rng: np.random.Generator, index: int, causes: list[str] | None, effects: int
+) -> list[str]:
+    """Return what is hidden in one machine: ``causes`` in turn, or one or several drawn."""
+    if effects > 1:
+        names = causes or list(LISTED)
+        chosen = rng.choice(len(names), effects, replace=False)
+        return [names[int(k)] for k in chosen]
+    cause = causes[index % len(causes)] if causes else draw_cause(rng)
+    return [] if cause in (None, 'clean') else [str(cause)]
+
+
 def plan(
     index: int,
     seed: int,
     recordings: int,
     causes: list[str] | None = None,
     sizes: tuple[str, ...] = tuple(SHARES),
+    effects: int = 1,
 ) -> Plan:
-    """Draw one machine of the set; ``causes`` are taken in turn instead of drawn."""
+    """Draw one machine of the set; ``causes`` are taken in turn instead of drawn.
+
+    With several ``effects`` that many different causes are drawn from ``causes``, or from the list.
+    As many ``recordings`` as there are experiments are those, one of each.
+    """
     rng = np.random.default_rng([seed, index])
-    cause = causes[index % len(causes)] if causes else draw_cause(rng)
-    cause = None if cause == 'clean' else cause
-    size = None
-    effects: tuple[Effect, ...] = ()
-    needs_load = False
-    if cause is not None:
-        size = sizes[int(rng.integers(len(sizes)))] if KINDS[cause].has_size else None
-        effects = (draw_effect(rng, cause, SHARES[size] if size else 1.0),)
-        needs_load = KINDS[cause].needs_load
+    hidden: list[Effect] = []
+    drawn: list[str] = []
+    names = draw_causes(rng, index, causes, effects)
+    for name in names:
+        size = sizes[int(rng.integers(len(sizes)))] if KINDS[name].has_size else None
+        hidden.append(draw_effect(rng, name, SHARES[size] if size else 1.0))
+        drawn += [size] if size else []
+    needs_load = any(KINDS[name].needs_load for name in names)
+    is_whole = recordings == len(EXPERIMENTS)
     first = seed * SEED_STEP + index * recordings
     orders = []
     for k in range(recordings):
-        case = draw_case(rng, needs_load)
+        case = EXPERIMENTS[k] if is_whole else draw_case(rng, needs_load)
         orders.append(
-            Order(first + k, case, DURATION_S[case.speed_m_s], effects, machine_seed=first)
+            Order(first + k, case, DURATION_S[case.speed_m_s], tuple(hidden), machine_seed=first)
         )
-    return Plan(f'machine_{index:03d}', cause, size, tuple(orders))
+    name = f'machine_{index:03d}'
+    return Plan(name, '+'.join(names) or None, '+'.join(drawn) or None, tuple(orders))
 
 
 def write_plan(chosen: Plan, out: Path) -> dict:
