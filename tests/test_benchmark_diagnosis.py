@@ -63,7 +63,8 @@ def made(tmp_path, monkeypatch):
         (tmp_path / 'truth' / f'machine_{k:03d}_0.json').write_text(json.dumps(truth))
     asked = []
 
-    def answer(bag, folder, machine, jobs):
+    def answer(bags, folder, machine, jobs):
+        (bag,) = bags
         asked.append((bag.name, jobs))
         verdict = {'effects': [], 'candidates': [], 'unexplained': {'significant': False}}
         (folder / f'{bag.name}.json').write_text(json.dumps(verdict))
