@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import walk as module
+from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.walk import Bench, walk
@@ -29,13 +30,14 @@ def test_an_effect_that_was_not_chosen_is_run_before_it_is_accepted(monkeypatch,
     bench = Bench(
         propose=lambda *_: [STEP, FRAME],
         attempt=attempt,
-        tuned=lambda context, *_: (context, place),
+        again=lambda context, *_: Polished(context, place, (), ()),
         bare=lambda place, _: place,
         decide=lambda *_: None,
         begin=lambda *_: {},
     )
     monkeypatch.setattr(module, 'freed', lambda place, _: place)
     monkeypatch.setattr(module, 'is_open', lambda *_: False)
+    monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
     monkeypatch.setattr(module, 'look_afar', lambda *_: None)
     context = SimpleNamespace(place=place, floor=None)
     found = walk(context, bench=bench).found

@@ -1,19 +1,24 @@
 """Causes that are sought from the machine as described, before any tolerance is turned.
 
 A large change of a spring or of the preload looks, from where the tolerances have been tuned to it,
-like nothing at all: they have taken its place, each within its bounds. From the machine as described
-it stands out.
+like nothing at all: they have taken its place, each within its bounds. From the machine as described,
+or from that with the effects that are known already, it stands out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.causes.application import apply
+from escalator_twin.diagnosis.context import Beside, beside, Context, Nominal
+from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.responses import find_far
+from escalator_twin.diagnosis.responses import find_far, tolerances_only
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 from escalator_twin.diagnosis.view import View
 from escalator_twin.errors import EscalatorError
+from escalator_twin.machine import Deviation, Machine
 
 
 @dataclass(frozen=True)
@@ -34,19 +39,42 @@ class Afar:
     proposals: list[Proposal]
 
 
-def look_afar(context: Context, jobs: int = 1) -> Afar | None:
-    """Search from the machine as described; None where there is no such comparison."""
-    nominal = context.nominal
-    if nominal is None:
-        return None
+def look_afar(context: Context, jobs: int = 1, known: Sequence[Proposal] = ()) -> Afar | None:
+    """Search from the machine as described; None where there is no such comparison.
+
+    Parameters
+    ----------
+    context : Context
+    jobs : int
+        Simulations at a time.
+    known : sequence of Proposal
+        Effects that the machine has beside what is sought.
+    """
     experiment = context.setting.experiment
+    deviations = tuple(p.deviation for p in known if of_machine(p))
+    # what one link, axle or step has changes next to nothing of what the whole machine does
+    machine = apply(context.machine, tuple(d for d in deviations if d.cause not in LOCAL))
     try:
-        responses = find_far(context.machine, experiment, nominal.responses, jobs)
+        nominal = _untuned(context, machine, deviations, jobs)
+        if nominal is None:
+            return None
+        responses = find_far(machine, experiment, nominal.responses, jobs)
     except EscalatorError:
         return None
     responses = replace(responses, whole=context.responses.whole)
-    place = nominal.place
+    place = freed(nominal.place, known)
     view = View.of(context.machine, place.stage.observation, responses, experiment.direction)
     search = Search(view, place.fitted, place.stage, place.model, jobs)
     found = search_all(search, (whole, tolerances, far, stops))
-    return Afar(replace(context, responses=nominal.responses), place, found)
+    return Afar(replace(context, responses=nominal.responses, own=None), place, found)
+
+
+def _untuned(
+    context: Context, machine: Machine, deviations: tuple[Deviation, ...], jobs: int
+) -> Nominal | None:
+    """Return a machine with deviations beside the recording, no tolerance turned."""
+    if context.nominal is None or not deviations:
+        return context.nominal
+    responses = tolerances_only(machine, context.setting.experiment, jobs)
+    place = beside(replace(context, responses=responses, own=None), deviations, steps=0)
+    return Nominal(place, responses)

@@ -111,9 +111,12 @@ def confirm_recording(
     elif own:
         context = plain_context
     turned = {} if context is not plain_context else before.stage.turned
-    stood_for = {e.nuisance for e in own}
+    stood_for = {str(e.nuisance) for e in own if e.nuisance}
     turned = {k: z for k, z in turned.items() if k not in stood_for}
-    context, after = tuned(context, deviations, turned=turned) if own else (plain_context, before)
+    if own:
+        context, after = tuned(context, deviations, turned=turned, held=stood_for)
+    else:
+        context, after = plain_context, before
     bare = after
     after = freed(after, others)
     held = hold_out(context, after, here, seed, before.stage.turned, sizes_known=True)

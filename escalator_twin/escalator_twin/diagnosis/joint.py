@@ -92,6 +92,8 @@ class JointFit:
         if nominal is not None:
             responses = replace(self.context.responses, knobs=nominal.responses.knobs)
             plain = replace(self, context=replace(self.context, responses=responses, own=None))
+        if any(d.cause not in LOCAL for d in self.deviations(effects)):
+            plain = plain.taken_anew(effects, {}, jobs)  # the rail acts as in that machine too
         place = plain.beside(effects, {})
         return coarse_to_fine(
             plain.context, place, self.deviations(effects), jobs, held, self.free
@@ -127,17 +129,17 @@ class JointFit:
         sided = self.sided(place, effects)
         more = dict(zip(sided, delta[len(delta) - len(sided) :], strict=True))
 
-        def tried(share: float) -> tuple[Beside, tuple[Proposal, ...]]:
+        def tried(share: float, along: float = 1.0) -> tuple[Beside, tuple[Proposal, ...]]:
             trial = tuple(moved_all(effects, share * delta, stage.machine_length))
             turned = {
-                name: float(np.clip(offset + share * size, -LARGEST, LARGEST))
+                name: float(np.clip(offset + along * share * size, -LARGEST, LARGEST))
                 for name, offset, size in zip(
                     stage.nuisance.names, stage.offset, sizes, strict=True
                 )
                 if name in names
             }
             for name, way in more.items():
-                z = stage.turned.get(name, 0.0) + share * float(way)
+                z = stage.turned.get(name, 0.0) + along * share * float(way)
                 turned[name] = float(np.clip(z, -LARGEST, LARGEST))
             return self.beside(trial, turned), trial
 
@@ -148,6 +150,12 @@ class JointFit:
             if judged(again[0], effects) < value:
                 best, value = again, judged(again[0], effects)
                 break
+        if best is None:
+            # what tolerances do bends within a part of a standard deviation: without them
+            for share in SHARES[:-1]:
+                again = tried(share, along=0.0)
+                if judged(again[0], effects) < start:
+                    return again
         # fine patterns that a change shifts make its column larger than what it explains: on and on
         bend = value - start + 2.0 * share * float(right @ delta)  # times the share's square
         if bend > 0.0 and share * float(right @ delta) < FURTHER * bend:

@@ -6,7 +6,7 @@ take it in a few steps.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED
 from escalator_twin.diagnosis.joint import Free, JointFit, judged, moved_all
@@ -16,6 +16,7 @@ from escalator_twin.machine import Deviation
 
 STEPS = 8
 WHOLE_STEPS = 4  # each costs a run of every tolerance
+APPROACHES = 3  # beside an effect that takes a tolerance over: each leads as far as that reaches
 ANEW = 2  # times that the tolerances' effect is taken anew on the way
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 
@@ -82,8 +83,11 @@ def polish(
     if anew and is_near:
         fit_one = fit_one.taken_anew(effects, at, jobs)
     place = fit_one.beside(effects, at)
-    if not is_near:
-        fit_one, place = approach(fit_one, place, effects, stood_for, jobs)
+    for _ in range(0 if is_near else APPROACHES):
+        before = effects
+        fit_one, place, effects = approach(fit_one, place, effects, jobs=jobs)
+        if effects == before:
+            break
     tangent = dict(place.stage.turned)
     spreads = tuple(dict[str, float]() for _ in effects)
     left = ANEW
@@ -112,15 +116,43 @@ def approach(
     effects: Sequence[Proposal],
     held: Collection[str] = (),
     jobs: int = 1,
-) -> tuple[JointFit, Beside]:
+) -> tuple[JointFit, Beside, tuple[Proposal, ...]]:
     """Tune the tolerances beside effects from none, where that comes nearer than they are.
 
-    Without the effects they had been turned to explain what these explain.
+    Without the effects they had been turned to explain what these explain. Where a tolerance is turned
+    that an effect stands for, the effect's size takes it over.
     """
     way = fit_one.tuned(effects, held, jobs)
-    other = fit_one.taken_anew(effects, way, jobs)
-    there = other.beside(effects, way)
-    return (other, there) if judged(there, effects) < judged(place, effects) else (fit_one, place)
+    sized = tuple(taken_over(e, way, place.stage.tolerances) for e in effects)
+    own = {e.nuisance for e in effects} - set(held)
+    way = {name: z for name, z in way.items() if name not in own}
+    other = fit_one.taken_anew(sized, way, jobs)
+    there = other.beside(sized, way)
+    if judged(there, effects) < judged(place, effects):
+        return other, there, sized
+    return fit_one, place, tuple(effects)
+
+
+def taken_over(
+    effect: Proposal, turned: Mapping[str, float], tolerances: Mapping[str, float]
+) -> Proposal:
+    """Return an effect with the turn of the tolerance that it stands for in its size.
+
+    Parameters
+    ----------
+    effect : Proposal
+    turned : mapping of tolerance to float
+        Standard deviations.
+    tolerances : mapping of tolerance to float
+        One standard deviation, as a share or in m.
+    """
+    z = turned.get(effect.nuisance or '', 0.0)
+    if effect.nuisance is None or z == 0.0 or not effect.fitted:
+        return effect
+    key, step = effect.fitted[0], z * tolerances[effect.nuisance]
+    size = effect.parameters[key]
+    size = size * (1.0 + step) if key == 'factor' else size + step
+    return replace(effect, parameters={**effect.parameters, key: size})
 
 
 def polish_whole(

@@ -15,12 +15,13 @@ from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import approach, polish, polish_whole, STEPS
+from escalator_twin.diagnosis.polish import approach, polish, polish_whole, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.turns import best_turn
 from escalator_twin.diagnosis.unexplained import is_open
 from escalator_twin.diagnosis.waves import DRIVE, IN_TIME, locked, pairs, realigned
@@ -141,9 +142,12 @@ def _approached(
     again, fixed = _of_machine(known)
     fit_one = JointFit(context, tuple(k.deviation for k in fixed), lambda p: freed(p, known))
     effects = [*again, refined.proposal]
+    # what a known effect stands for is in its size
+    stood_for = {e.nuisance for e in effects if e.nuisance is not None}
+    turned = {k: z for k, z in place.stage.turned.items() if k not in stood_for}
     try:
-        start = fit_one.beside(effects, place.stage.turned)
-        fit_one, there = approach(fit_one, start, effects, jobs=jobs)
+        start = fit_one.beside(effects, turned)
+        fit_one, there, _ = approach(fit_one, start, effects, stood_for, jobs)
     except EscalatorError:
         return context, None
     return fit_one.context, there.stage.turned
@@ -248,7 +252,8 @@ def _tried_afar(
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
-    leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
+    if not known:  # beside known effects, what the tolerances are to take up is far above all else
+        leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
     share = max(1, jobs // max(1, len(leading)))
     fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}, share), leading)
     found = []
@@ -305,6 +310,46 @@ def _fitted(
     if turned is None and gain <= 0.5 * refined.gain:
         return _plain(refined)
     return Tried(proposal, gain, spreads[-1], polished)
+
+
+def fit_again(
+    context: Context, place: Beside, known: Sequence[Proposal], jobs: int = 1
+) -> Polished:
+    """Fit known effects once more, beside what was found of the measurement since.
+
+    What a gauge's fault did to the signals had been taken for theirs, or for a tolerance's.
+
+    Parameters
+    ----------
+    context : Context
+    place : Beside
+        The machine with its effects.
+    known : sequence of Proposal
+        All of them, of machine and measurement.
+    jobs : int
+        Simulations at a time.
+    """
+    again, fixed = _of_machine(known)
+    turned = place.stage.turned
+    if again:
+        try:
+            found = polish(
+                context,
+                again,
+                turned,
+                fixed,
+                lambda p: freed(p, known),
+                any(e.cause in MOVES_RESONANCE for e in again),
+                jobs,
+                STEPS_AT_LENGTH if any(e.cause in LOCAL for e in again) else STEPS,
+            )
+        except EscalatorError:
+            pass  # as it was, its tolerances tuned
+        else:
+            spreads = tuple(_with_rest(context, sd) for sd in found.sd)
+            return replace(found, sd=spreads)
+    deviations = tuple(k.deviation for k in (*again, *fixed))
+    return Polished(*tuned(context, deviations, jobs, turned), (), ())
 
 
 def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:

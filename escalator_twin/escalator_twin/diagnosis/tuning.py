@@ -33,6 +33,9 @@ SETTLED = 3.0  # chi squared: a step that gains less is the last one
 KICK = 1.2  # standard deviations by which one tolerance is turned to leave a hollow
 ROUNDS = 2
 WORTH_A_ROUND = 10.0  # chi squared: a turn that gains less is not followed
+# Tolerances that move rollers along the guide, or the carriage, slowly; what stiffnesses and dampings of
+# chain, contacts and drive do is in the short waves, and long ones have them take what is not theirs.
+SLOW = ('guide.', 'experiment.', 'tensioner.', 'chain.mass', 'roller.rolling')
 NEAR = 1.0  # standard deviations over which a tolerance's effect is taken
 
 Free = Callable[[Beside], Beside]
@@ -64,9 +67,12 @@ def coarse_to_fine(
     """
     search = _Search(context, place, place.stage.lean(place.model), deviations, jobs, held, free)
     turned = dict(place.stage.turned)
-    cuts = [cut for cut in CUTS_HZ if cut < BAND_HZ]
-    for cut in [*cuts, None]:
-        turned = search.descend(turned, cut)[0]
+    fast = [knob.name for knob in place.stage.knobs if not knob.name.startswith(SLOW)]
+    slow_alone = replace(search, held=(*held, *fast))
+    for cut in CUTS_HZ:
+        if cut < BAND_HZ:
+            turned = slow_alone.descend(turned, cut)[0]
+    turned = search.descend(turned)[0]
     for _ in range(ROUNDS):
         start = search.at(turned)
         level = quiet_chi2(start)
@@ -115,22 +121,32 @@ class _Search:
         return dict(turned), level
 
     def kicked(self, start: Beside) -> tuple[dict[str, float], float]:
-        """Return the tolerances with the one turned far that explains most, and chi squared."""
-        ways = []
-        for knob in start.stage.knobs:
-            if knob.name in self.held or knob.name in self.context.weak:
-                continue
-            z = start.stage.turned.get(knob.name, 0.0)
-            ways += [(knob.name, z + kick) for kick in (-KICK, KICK) if abs(z + kick) <= LARGEST]
+        """Return the tolerances with some turned far, those that explain most, and chi squared.
 
-        def level(way: tuple[str, float]) -> float:
-            stage = replace(start.stage, turned={**start.stage.turned, way[0]: way[1]})
+        One is turned at a time; all that act in short waves are turned back at once.
+        """
+        now = start.stage.turned
+        free = [
+            knob.name
+            for knob in start.stage.knobs
+            if knob.name not in self.held and knob.name not in self.context.weak
+        ]
+        ways = [
+            {name: now.get(name, 0.0) + kick}
+            for name in free
+            for kick in (-KICK, KICK)
+            if abs(now.get(name, 0.0) + kick) <= LARGEST
+        ]
+        ways.append({name: 0.0 for name in free if not name.startswith(SLOW)})
+
+        def level(way: Mapping[str, float]) -> float:
+            stage = replace(start.stage, turned={**now, **way})
             return stage.judged(stage.fit(stage.run()))
 
         with ThreadPoolExecutor(max(1, self.jobs)) as pool:
             levels = list(pool.map(level, ways))
         best = int(np.argmin(levels))
-        return {**start.stage.turned, ways[best][0]: ways[best][1]}, levels[best]
+        return {**now, **ways[best]}, levels[best]
 
 
 def tuned(
@@ -139,6 +155,7 @@ def tuned(
     jobs: int = 1,
     turned: Mapping[str, float] | None = None,
     start: Beside | None = None,
+    held: Collection[str] = (),
 ) -> tuple[Context, Beside]:
     """Tune the tolerances of a machine, and take their effect where the tuning has led.
 
@@ -152,6 +169,8 @@ def tuned(
         Where the tuning begins, standard deviations.
     start : Beside, optional
         That machine with these tolerances, where it was aligned already.
+    held : collection of str
+        Tolerances that are not turned: deviations stand for them.
 
     Returns
     -------
@@ -160,9 +179,10 @@ def tuned(
     place : Beside
     """
     place = start or beside(context, deviations, steps=0, turned=turned)
-    way = coarse_to_fine(context, place, deviations, jobs)
+    way = coarse_to_fine(context, place, deviations, jobs, held)
     near = with_own_tolerances(context, deviations, jobs, way)
-    after = beside(near, deviations, steps=1, turned=way)
+    # one more step turns all of them
+    after = beside(near, deviations, steps=0 if held else 1, turned=way)
     return (near, after) if quiet_chi2(after) < quiet_chi2(place) else (context, place)
 
 

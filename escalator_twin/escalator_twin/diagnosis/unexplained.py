@@ -69,6 +69,14 @@ def is_open(place: Beside, floor: Floor) -> bool:
     return bool((by_channel(place) > np.exp(level + OPEN_SIGMAS * scatter)).any())
 
 
+def excess_of(place: Beside, floor: Floor) -> float:
+    """Return chi squared above a good machine's, without the channels that rattling shakes."""
+    level, _ = clean_of(place, floor)
+    above = np.maximum(by_channel(place) - np.exp(level), 0.0)[place.stage.quiet]
+    n = len(place.fitted.white) / len(level)
+    return float(n * above.sum() / place.stage.whiten.temperature)
+
+
 def look(context: Context, before: Beside, after: Beside) -> Unexplained:
     """Judge what is left.
 

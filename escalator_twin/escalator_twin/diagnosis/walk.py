@@ -12,10 +12,9 @@ from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
-from escalator_twin.diagnosis.trial import MOVES_RESONANCE, try_all
+from escalator_twin.diagnosis.trial import fit_again, MOVES_RESONANCE, try_all
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.tuning import tuned
-from escalator_twin.diagnosis.unexplained import is_open
+from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
     evidence_of,
@@ -33,9 +32,11 @@ LEAST_GAIN = 25.0  # of chi squared: below it nothing is simulated
 ACCEPT = 0.5  # probability from which an effect is accepted and taken out before the next round
 # An accepted law is never quite the machine's: what it leaves looks like a smaller effect. A further
 # effect must explain more than these shares of what the others did; more among causes that act
-# through the same part.
+# through the same part, unless it explains most of what is left above a good machine's: what a law
+# leaves has no other cause's form.
 SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
+CLOSES = 0.5
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
@@ -107,9 +108,9 @@ class Bench:
         Takes context, comparison and simulations at a time; returns proposals, best first.
     attempt : callable
         See `try_all`.
-    tuned : callable
-        Takes context, deviations, simulations at a time and the tolerances to begin with; returns
-        context and comparison with them.
+    again : callable
+        Takes context, comparison, all known effects and simulations at a time; returns them fitted
+        once more as far as they are of the machine, see `Polished`.
     bare : callable
         Takes a comparison and effects; returns the one that they are judged against.
     decide : callable
@@ -121,7 +122,7 @@ class Bench:
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
     attempt: Callable[..., list[Tried]]
-    tuned: Callable[..., tuple[Context, Beside]]
+    again: Callable[[Context, Beside, Sequence[Proposal], int], Polished]
     bare: Callable[[Beside, Sequence[Proposal]], Beside]
     decide: Callable[[Context, Proposal, Proposal | None], Further | None]
     begin: Callable[[Beside, Sequence[Proposal]], Mapping[str, float]]
@@ -156,17 +157,20 @@ def walk(
         if found and not is_open(place, context.floor):
             break
         known = [*start, *(f.proposal for f in found)]
+        excess = excess_of(place, context.floor)
         proposals = bench.propose(context, place, jobs)
-        if not any(_may_stand(p, found) for p in proposals):
-            weighed = weigh(_candidates(proposals, []))
-            break
-        afar = None if known else look_afar(context, jobs)
-        chosen = choose(proposals)
+        afar = look_afar(context, jobs, known)
         if afar is not None:
             afar = replace(afar, proposals=choose(afar.proposals))
+        sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
+        if not any(_may_stand(p, found, excess) for p in sought_all):
+            weighed = weigh(_candidates(proposals, []))
+            break
+        chosen = choose(proposals)
+        if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
-        worth = partial(_is_worth_fitting, found=found)
+        worth = partial(_is_worth_fitting, found=found, excess=excess)
         tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
         weighed = weigh(_candidates(proposals, tried))
         if weighed and _is_unrun(weighed[0], tried):
@@ -181,19 +185,17 @@ def walk(
                     f'{row.proposal.cause} {row.proposal.location} gain {row.gain:.1f} '
                     f'p {row.probability:.3f}'
                 )
-        if not weighed or weighed[0].probability < ACCEPT or _is_rest(weighed[0], found):
+        if not weighed or weighed[0].probability < ACCEPT or _is_rest(weighed[0], found, excess):
             break
         top = weighed[0]
         match = next((t for t in tried if t.proposal is top.proposal), None)
         sd = match.sd if match is not None else dict(top.proposal.sd)
         found.append(Found(top.proposal, top.probability, sd, top.gain, tuple(weighed)))
-        if match is not None and match.polished is not None:
-            context, place = match.polished.context, match.polished.place
-            found = [f for f in refitted(found, match.polished) if not _is_gone(f.proposal)]
-        else:
-            known = [*start, *(f.proposal for f in found)]
-            deviations = tuple(p.deviation for p in known if of_machine(p))
-            context, place = bench.tuned(context, deviations, jobs, place.stage.turned)
+        polished = None if match is None else match.polished
+        if polished is None:
+            polished = bench.again(context, place, [*start, *(f.proposal for f in found)], jobs)
+        context, place = polished.context, polished.place
+        found = [f for f in refitted(found, polished) if not _is_gone(f.proposal)]
         place = freed(place, [*start, *(f.proposal for f in found)])
     return Walked(tuple(found), before, place, tuple(weighed))
 
@@ -235,28 +237,39 @@ def _is_gone(proposal: Proposal) -> bool:
     return size_in_tolerances(proposal) < EFFECT_TOLERANCES
 
 
-def _is_rest(top: Weighed, found: Sequence[Found]) -> bool:
-    return is_left_over(top.proposal.cause, top.gain, found)
+def _is_rest(top: Weighed, found: Sequence[Found], excess: float) -> bool:
+    return is_left_over(top.proposal.cause, top.gain, found, excess)
 
 
-def _may_stand(proposal: Proposal, found: Sequence[Found]) -> bool:
+def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float) -> bool:
     """Tell whether a proposal may, fitted, be more than what the accepted laws leave."""
-    return not is_left_over(proposal.cause, HOPE * proposal.gain, found)
+    return not is_left_over(proposal.cause, HOPE * proposal.gain, found, excess)
 
 
-def _is_worth_fitting(cause: str, gain: float, found: Sequence[Found]) -> bool:
+def _is_worth_fitting(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
     """Tell whether an effect that was run once may, fitted with all else, still be one."""
-    return not is_left_over(cause, FITTED * gain, found)
+    return not is_left_over(cause, FITTED * gain, found, excess)
 
 
-def is_left_over(cause: str, gain: float, found: Sequence[Found]) -> bool:
-    """Tell whether a further effect is no more than what an accepted law leaves."""
+def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
+    """Tell whether a further effect is no more than what an accepted law leaves.
+
+    Parameters
+    ----------
+    cause : str
+    gain : float
+        Fall of chi squared.
+    found : sequence of Found
+        The accepted effects.
+    excess : float
+        Chi squared above a good machine's, before the further effect.
+    """
     if cause in ONE_GAUGE:
         return False
     for earlier in found:
         kin = any({cause, earlier.proposal.cause} <= group for group in KIN)
-        share = SHARE_OF_KIN if kin or cause == earlier.proposal.cause else SHARE_OF_FIRST
-        if gain < share * earlier.gain:
+        is_kin = (kin or cause == earlier.proposal.cause) and gain < CLOSES * excess
+        if gain < (SHARE_OF_KIN if is_kin else SHARE_OF_FIRST) * earlier.gain:
             return True
     return False
 
@@ -329,4 +342,4 @@ def as_tuned(place: Beside, _: Sequence[Proposal]) -> Mapping[str, float]:
     return place.stage.turned
 
 
-LINKED = Bench(propose, try_all, tuned, as_it_is, decide_between, as_tuned)
+LINKED = Bench(propose, try_all, fit_again, as_it_is, decide_between, as_tuned)

@@ -1,6 +1,6 @@
 """A recording of a machine of free bodies, placed, and what every cause would do to it."""
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,11 +17,14 @@ from escalator_twin.diagnosis.bodies.running import HANDRAIL, part_of, Runs
 from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import Frame, Loop
 from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.observation import observe, on_grid
+from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.preparation import start_in
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
 from escalator_twin.diagnosis.view import NO_PROBES, View
@@ -276,15 +279,13 @@ def mean_spread(sensor: Sensor, scatter: float, mean: float) -> float:
     return float(np.hypot(max(scatter, zero), sensor.gain_tol * mean))
 
 
-def again(
-    context: Context,
-    deviations: tuple[Deviation, ...] = (),
-    jobs: int = 1,
-    turned: Mapping[str, float] | None = None,
-) -> tuple[Context, Beside]:
-    """Run a machine with deviations and align the recording with it."""
-    del jobs, turned  # tolerances stay linear here
+def again(context: Context, place: Beside, known: Sequence[Proposal], jobs: int = 1) -> Polished:
+    """Run a machine with its known effects and align the recording with it."""
+    del place, jobs  # tolerances stay linear here
     assert isinstance(context, BodyContext)
+    deviations = tuple(k.deviation for k in known if of_machine(k))
     machine = apply(context.machine, deviations)
     without = {LIKE_KNOBS[d.cause][0] for d in deviations if d.cause in LIKE_KNOBS}
-    return context, aligned(context, machine, context.runs.trace(machine), without)
+    return Polished(
+        context, aligned(context, machine, context.runs.trace(machine), without), (), ()
+    )
