@@ -177,7 +177,7 @@ def settle(
     named = []
     for found in walked.found:
         small = found.gain < SMALL * largest and found.proposal.cause not in ONE_GAUGE
-        # beside a remainder that nothing explains, a small further effect may be a part of it
-        doubt = DOUBT if small and rest.significant else 1.0
+        # beside a larger remainder that nothing explains, a small further effect may be a part of it
+        doubt = DOUBT if small and rest.significant and found.gain < rest.above else 1.0
         named.append((found, found.probability * factor * doubt))
     return named, held

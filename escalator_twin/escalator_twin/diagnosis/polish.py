@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED
 from escalator_twin.diagnosis.joint import Free, JointFit, judged, moved_all
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inverse
+from escalator_twin.diagnosis.verdict import size_in_tolerances
 from escalator_twin.machine import Deviation
 
 STEPS = 8
@@ -86,7 +87,7 @@ def polish(
     for _ in range(0 if is_near else APPROACHES):
         before = effects
         fit_one, place, effects = approach(fit_one, place, effects, jobs=jobs)
-        if effects == before:
+        if not is_far(before, effects):
             break
     tangent = dict(place.stage.turned)
     spreads = tuple(dict[str, float]() for _ in effects)
@@ -131,6 +132,15 @@ def approach(
     if judged(there, effects) < judged(place, effects):
         return other, there, sized
     return fit_one, place, tuple(effects)
+
+
+def is_far(before: Sequence[Proposal], after: Sequence[Proposal]) -> bool:
+    """Tell whether an effect took over so much of a tolerance that more may follow."""
+    return any(
+        abs(size_in_tolerances(one) - size_in_tolerances(other)) > 1.0
+        for one, other in zip(before, after, strict=True)
+        if one.nuisance is not None
+    )
 
 
 def taken_over(

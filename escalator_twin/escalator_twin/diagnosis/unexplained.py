@@ -38,12 +38,15 @@ class Unexplained:
     explained : float
         How much of the energy above the floor the effects account for.
     signature : mapping
+    above : float
+        Chi squared above a good machine's, see `excess_of`.
     """
 
     significant: bool
     share: float
     explained: float
     signature: dict[str, Any]
+    above: float = 0.0
 
 
 def by_channel(place: Beside) -> Floats:
@@ -95,7 +98,8 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
     share = float(np.clip(excess / max(float(first.sum()), 1e-12), 0.0, 1.0))
     explained = float(np.clip(1.0 - excess / max(whole, 1e-12), 0.0, 1.0))
     signature = signature_of(context, after, last, floor) if significant else {}
-    return Unexplained(significant, share if significant else 0.0, explained, signature)
+    above = excess_of(after, context.floor)
+    return Unexplained(significant, share if significant else 0.0, explained, signature, above)
 
 
 def signature_of(context: Context, place: Beside, chi2: Floats, floor: Floats) -> dict[str, Any]:
