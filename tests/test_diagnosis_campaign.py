@@ -15,9 +15,9 @@ from escalator_twin.diagnosis.campaign import (
     union_of,
 )
 from escalator_twin.diagnosis.faults import Fault
+from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
-from escalator_twin.diagnosis.walk import Found
 from escalator_twin.signals import Experiment
 
 pytestmark = pytest.mark.issue(7)

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import diagnose
+from escalator_twin.diagnosis.found import Found, is_left_over
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import evidence_lines
 from escalator_twin.diagnosis.verdict import Weighed
-from escalator_twin.diagnosis.walk import Found, is_left_over, refitted
+from escalator_twin.diagnosis.walk import refitted
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
 

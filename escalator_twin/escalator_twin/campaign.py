@@ -15,10 +15,10 @@ from escalator_twin.diagnosis.campaign import (
 )
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
+from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.telling import told
 from escalator_twin.diagnosis.unexplained import Unexplained
-from escalator_twin.diagnosis.walk import Found
 from escalator_twin.machine import load_machine
 from escalator_twin.signals import Experiment
 

@@ -16,9 +16,9 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.confirm import Confirmed
 from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
 from escalator_twin.diagnosis.faults import Fault
+from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import LAW_ERROR, told, told_fault
-from escalator_twin.diagnosis.walk import Found
 from escalator_twin.signals import Experiment, Floats
 
 SCOUTS = 4

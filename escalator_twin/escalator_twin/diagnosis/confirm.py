@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.context import (
 )
 from escalator_twin.diagnosis.drive import refine_wave
 from escalator_twin.diagnosis.faults import Fault, faults_of
+from escalator_twin.diagnosis.fitting import MOVES_RESONANCE
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
@@ -34,7 +35,6 @@ from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
-from escalator_twin.diagnosis.trial import MOVES_RESONANCE
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import look, Unexplained
 from escalator_twin.diagnosis.view import View

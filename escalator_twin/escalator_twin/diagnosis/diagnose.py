@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.bodies.search import FREE_BODIES
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.preparation import prepare
@@ -22,7 +23,7 @@ from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
 from escalator_twin.diagnosis.unexplained import look, Unexplained
-from escalator_twin.diagnosis.walk import Bench, Found, LINKED, ONE_GAUGE, walk, Walked
+from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine
 from escalator_twin.physics.rollout import Trace

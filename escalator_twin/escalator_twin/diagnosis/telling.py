@@ -8,6 +8,7 @@ import numpy as np
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
+from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
@@ -17,7 +18,7 @@ from escalator_twin.diagnosis.verdict import (
     size_in_tolerances,
     Weighed,
 )
-from escalator_twin.diagnosis.walk import Found, Walked
+from escalator_twin.diagnosis.walk import Walked
 
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,

@@ -1,47 +1,34 @@
 """Run the twin with what a search proposes, and fit the best of it together with the tolerances."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import numpy as np
-
-from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
+from escalator_twin.diagnosis.fitting import approached, fitted_beside, of_machine_among, plain
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import freed
-from escalator_twin.diagnosis.joint import JointFit
-from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import approach, polish, polish_whole, Polished, STEPS
+from escalator_twin.diagnosis.polish import polish_whole
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.turns import best_turn
 from escalator_twin.diagnosis.unexplained import is_open
-from escalator_twin.diagnosis.waves import DRIVE, IN_TIME, locked, pairs, realigned
-from escalator_twin.errors import EscalatorError
+from escalator_twin.diagnosis.waves import DRIVE, locked, pairs
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
 CLOSEST = 0.85  # the same of what was sought from afar
-STEPS_AT_LENGTH = 2  # of the last fit where every run takes the whole recording's length
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
 # tenth of it is some standard deviations.
 LARGE = 300.0
 WORTH = 0.01  # of an effect's gain: a step with all tolerances run beside it that gains less is the last
-# Causes that change the machine so much that its tolerances act otherwise.
-MOVES_RESONANCE = frozenset({
-    'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
-    'drive_stiffness', 'chain_elongation', 'landing_length', 'rolling_resistance',
-    'truss_resonance',
-})  # fmt: skip
 # Whose ends, angle or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'roller_flat': best_turn, 'truss_resonance': best_frame}
 # Whose sides look alike but for the axle's racking.
@@ -108,7 +95,7 @@ def try_all(
             best = max((t.gain for t in fitted_again), default=0.0)
             level = place.stage.judged(place.fitted) - best
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
-    rest = [_plain(r) for r in refined if all(r is not one for one in leading)]
+    rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = sorted(locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
 
@@ -127,37 +114,14 @@ def _fitted_all(
     """
     turned = None
     if leading and all(r.proposal.cause in LOCAL - set(DRIVE) for r in leading):
-        context, turned = _approached(context, place, known, leading[0], jobs)
+        context, turned = approached(context, place, known, leading[0], jobs)
     share = max(1, jobs // max(1, len(leading)))
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         return list(
-            pool.map(lambda r: _fitted(context, place, known, r, turned, jobs=share), leading)
+            pool.map(
+                lambda r: fitted_beside(context, place, known, r, turned, jobs=share), leading
+            )
         )
-
-
-def _approached(
-    context: Context, place: Beside, known: Sequence[Proposal], refined: Refined, jobs: int
-) -> tuple[Context, Mapping[str, float] | None]:
-    """Return the tolerances that fit beside a cause and what is known, and what they do there."""
-    again, fixed = _of_machine(known)
-    fit_one = JointFit(context, tuple(k.deviation for k in fixed), lambda p: freed(p, known))
-    effects = [*again, refined.proposal]
-    # what a known effect stands for is in its size
-    stood_for = {e.nuisance for e in effects if e.nuisance is not None}
-    turned = {k: z for k, z in place.stage.turned.items() if k not in stood_for}
-    try:
-        start = fit_one.beside(effects, turned)
-        fit_one, there, _ = approach(fit_one, start, effects, stood_for, jobs)
-    except EscalatorError:
-        return context, None
-    return fit_one.context, there.stage.turned
-
-
-def _of_machine(known: Sequence[Proposal]) -> tuple[list[Proposal], list[Proposal]]:
-    """Return the known effects of the machine that are fitted on, and those that stay."""
-    of_machine = [k for k in known if KNOWN[k.cause].of_machine]
-    again = [k for k in of_machine if k.cause not in IN_TIME]
-    return again, [k for k in of_machine if k.cause in IN_TIME]
 
 
 def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) -> Tried:
@@ -170,7 +134,7 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
         return tried  # beside a wave of the drive, tolerances do what they do without
     if not is_open(polished.place, polished.context.floor):
         return tried
-    _, fixed = _of_machine(known)
+    _, fixed = of_machine_among(known)
     whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs, WORTH * tried.gain)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
@@ -222,7 +186,7 @@ def _other_sides(
             for name, r in others.items()
             if not any(same_place(r.proposal, d) for d in done)
         }
-    found = [_fitted(context, place, known, r, turned, jobs) for r in others.values()]
+    found = [fitted_beside(context, place, known, r, turned, jobs) for r in others.values()]
     return [t for t in found if t.polished is not None]
 
 
@@ -255,7 +219,7 @@ def _tried_afar(
     if not known:  # beside known effects, what the tolerances are to take up is far above all else
         leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
     share = max(1, jobs // max(1, len(leading)))
-    fitted = pool.map(lambda r: _fitted(afar.context, place, known, r, {}, share), leading)
+    fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, share), leading)
     found = []
     for tried in fitted:
         if tried.polished is not None:
@@ -264,105 +228,3 @@ def _tried_afar(
             whole = replace(context, responses=replace(context.responses, knobs=knobs))
             found.append(replace(tried, polished=replace(tried.polished, context=whole)))
     return found
-
-
-def _plain(refined: Refined) -> Tried:
-    return Tried(refined.proposal, refined.gain, dict(refined.sd))
-
-
-def _fitted(
-    context: Context,
-    place: Beside,
-    known: Sequence[Proposal],
-    refined: Refined,
-    turned: Mapping[str, float] | None = None,
-    jobs: int = 1,
-) -> Tried:
-    """Fit a refined cause together with the tolerances and what is known already.
-
-    ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
-    """
-    if refined.proposal.cause in DRIVE:
-        refined = realigned(context, place, refined)
-        if refined.proposal.cause in IN_TIME:
-            # the twin's own clock knows no wander: it cannot be run at every step
-            return _plain(refined)
-    again, fixed = _of_machine(known)
-    before = place.stage.judged(place.fitted, refined.proposal.cause)
-    try:
-        polished = polish(
-            context,
-            [*again, refined.proposal],
-            place.stage.turned if turned is None else turned,
-            fixed,
-            lambda p: freed(p, known),
-            refined.proposal.cause in MOVES_RESONANCE,
-            jobs,
-            STEPS_AT_LENGTH if refined.proposal.cause in LOCAL else STEPS,
-            is_near=turned is not None and bool(turned),
-        )
-    except EscalatorError:
-        return _plain(refined)
-    spreads = tuple(_with_rest(context, sd) for sd in polished.sd)
-    polished = replace(polished, sd=spreads)
-    proposal = polished.effects[-1]
-    gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
-    if turned is None and gain <= 0.5 * refined.gain:
-        return _plain(refined)
-    return Tried(proposal, gain, spreads[-1], polished)
-
-
-def fit_again(
-    context: Context, place: Beside, known: Sequence[Proposal], jobs: int = 1
-) -> Polished:
-    """Fit known effects once more, beside what was found of the measurement since.
-
-    What a gauge's fault did to the signals had been taken for theirs, or for a tolerance's.
-
-    Parameters
-    ----------
-    context : Context
-    place : Beside
-        The machine with its effects.
-    known : sequence of Proposal
-        All of them, of machine and measurement.
-    jobs : int
-        Simulations at a time.
-    """
-    again, fixed = _of_machine(known)
-    turned = place.stage.turned
-    if again:
-        try:
-            found = polish(
-                context,
-                again,
-                turned,
-                fixed,
-                lambda p: freed(p, known),
-                any(e.cause in MOVES_RESONANCE for e in again),
-                jobs,
-                STEPS_AT_LENGTH if any(e.cause in LOCAL for e in again) else STEPS,
-            )
-        except EscalatorError:
-            pass  # as it was, its tolerances tuned
-        else:
-            spreads = tuple(_with_rest(context, sd) for sd in found.sd)
-            return replace(found, sd=spreads)
-    deviations = tuple(k.deviation for k in (*again, *fixed))
-    return Polished(*tuned(context, deviations, jobs, turned), (), ())
-
-
-def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
-    """Return spreads with what the carriage's place at rest adds to a stop's.
-
-    The sensor's zero is arbitrary: the data tell where in the motion the stop is, and tolerances of
-    length where the motion is.
-    """
-    if 'displacement_m' not in sd:
-        return sd
-    machine, nominal = context.machine, context.nominal
-    responses = context.responses if nominal is None else nominal.responses
-    moved = [s.quantity == 'carriage_displacement' for s in machine.instruments.sensors]
-    knobs = [knob.name for knob in knobs_of(machine, context.setting.experiment)]
-    rest = [responses.knobs[name][:, moved].mean() for name in knobs if name in responses.knobs]
-    return {**sd, 'displacement_m': float(np.hypot(sd['displacement_m'], np.linalg.norm(rest)))}

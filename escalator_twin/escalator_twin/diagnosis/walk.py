@@ -7,12 +7,14 @@ from functools import partial
 from escalator_twin.diagnosis.afar import look_afar
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
+from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
+from escalator_twin.diagnosis.found import Found, is_left_over
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
-from escalator_twin.diagnosis.trial import fit_again, MOVES_RESONANCE, try_all
+from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.verdict import (
@@ -30,52 +32,10 @@ OF_ONE_CAUSE = 2
 WORTH = 0.35  # of the best proposal's gain, from which a proposal is simulated
 LEAST_GAIN = 25.0  # of chi squared: below it nothing is simulated
 ACCEPT = 0.5  # probability from which an effect is accepted and taken out before the next round
-# An accepted law is never quite the machine's: what it leaves looks like a smaller effect. A further
-# effect must explain more than these shares of what the others did; more among causes that act
-# through the same part, unless it explains most of what is left above a good machine's: what a law
-# leaves has no other cause's form.
-SHARE_OF_FIRST = 0.01
-SHARE_OF_KIN = 0.3
-CLOSES = 0.5
-# What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
-ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
 FITTED = 2.0  # times the gain of one run: what fitting it with the tolerances may make of it
-KIN = (
-    frozenset({
-        'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
-        'landing_length', 'chain_elongation', 'guide_drag', 'rolling_resistance',
-    }),
-    frozenset({'roller_eccentricity', 'roller_flat', 'guide_step'}),
-    frozenset({'drive_ripple', 'drive_hunting', 'drive_stiffness'}),
-    frozenset({'load_distribution', 'step_mass', 'load_offset', 'roller_drag', 'link_stiffness'}),
-)  # fmt: skip
 
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Found:
-    """An accepted effect.
-
-    Attributes
-    ----------
-    proposal : Proposal
-        With the fitted numbers.
-    probability : float
-    sd : mapping of parameter to float
-        By chi squared alone.
-    gain : float
-        Fall of chi squared.
-    rivals : tuple of Weighed
-        All that was weighed with it, best first.
-    """
-
-    proposal: Proposal
-    probability: float
-    sd: dict[str, float]
-    gain: float
-    rivals: tuple[Weighed, ...]
 
 
 @dataclass(frozen=True)
@@ -249,29 +209,6 @@ def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float) -> boo
 def _is_worth_fitting(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
     """Tell whether an effect that was run once may, fitted with all else, still be one."""
     return not is_left_over(cause, FITTED * gain, found, excess)
-
-
-def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
-    """Tell whether a further effect is no more than what an accepted law leaves.
-
-    Parameters
-    ----------
-    cause : str
-    gain : float
-        Fall of chi squared.
-    found : sequence of Found
-        The accepted effects.
-    excess : float
-        Chi squared above a good machine's, before the further effect.
-    """
-    if cause in ONE_GAUGE:
-        return False
-    for earlier in found:
-        kin = any({cause, earlier.proposal.cause} <= group for group in KIN)
-        is_kin = (kin or cause == earlier.proposal.cause) and gain < CLOSES * excess
-        if gain < (SHARE_OF_KIN if is_kin else SHARE_OF_FIRST) * earlier.gain:
-            return True
-    return False
 
 
 def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:

@@ -1,0 +1,156 @@
+"""Fit an effect together with the machine's tolerances and with all that is known already."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.free import freed
+from escalator_twin.diagnosis.joint import JointFit
+from escalator_twin.diagnosis.knobs import knobs_of
+from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.polish import approach, polish, Polished, STEPS
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import Refined
+from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.diagnosis.tuning import tuned
+from escalator_twin.diagnosis.waves import DRIVE, IN_TIME, realigned
+from escalator_twin.errors import EscalatorError
+
+STEPS_AT_LENGTH = 2  # of the last fit where every run takes the whole recording's length
+# Causes that change the machine so much that its tolerances act otherwise.
+MOVES_RESONANCE = frozenset({
+    'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
+    'drive_stiffness', 'chain_elongation', 'landing_length', 'rolling_resistance',
+    'truss_resonance',
+})  # fmt: skip
+
+
+def approached(
+    context: Context, place: Beside, known: Sequence[Proposal], refined: Refined, jobs: int
+) -> tuple[Context, Mapping[str, float] | None]:
+    """Return the tolerances that fit beside a cause and what is known, and what they do there."""
+    again, fixed = of_machine_among(known)
+    fit_one = JointFit(context, tuple(k.deviation for k in fixed), lambda p: freed(p, known))
+    effects = [*again, refined.proposal]
+    # what a known effect stands for is in its size
+    stood_for = {e.nuisance for e in effects if e.nuisance is not None}
+    turned = {k: z for k, z in place.stage.turned.items() if k not in stood_for}
+    try:
+        start = fit_one.beside(effects, turned)
+        fit_one, there, _ = approach(fit_one, start, effects, stood_for, jobs)
+    except EscalatorError:
+        return context, None
+    return fit_one.context, there.stage.turned
+
+
+def of_machine_among(known: Sequence[Proposal]) -> tuple[list[Proposal], list[Proposal]]:
+    """Return the known effects of the machine that are fitted on, and those that stay."""
+    of_machine = [k for k in known if KNOWN[k.cause].of_machine]
+    again = [k for k in of_machine if k.cause not in IN_TIME]
+    return again, [k for k in of_machine if k.cause in IN_TIME]
+
+
+def plain(refined: Refined) -> Tried:
+    """Return what was refined and not fitted with all else."""
+    return Tried(refined.proposal, refined.gain, dict(refined.sd))
+
+
+def fitted_beside(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    refined: Refined,
+    turned: Mapping[str, float] | None = None,
+    jobs: int = 1,
+) -> Tried:
+    """Fit a refined cause together with the tolerances and what is known already.
+
+    ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
+    """
+    if refined.proposal.cause in DRIVE:
+        refined = realigned(context, place, refined)
+        if refined.proposal.cause in IN_TIME:
+            # the twin's own clock knows no wander: it cannot be run at every step
+            return plain(refined)
+    again, fixed = of_machine_among(known)
+    before = place.stage.judged(place.fitted, refined.proposal.cause)
+    try:
+        polished = polish(
+            context,
+            [*again, refined.proposal],
+            place.stage.turned if turned is None else turned,
+            fixed,
+            lambda p: freed(p, known),
+            refined.proposal.cause in MOVES_RESONANCE,
+            jobs,
+            STEPS_AT_LENGTH if refined.proposal.cause in LOCAL else STEPS,
+            is_near=turned is not None and bool(turned),
+        )
+    except EscalatorError:
+        return plain(refined)
+    spreads = tuple(_with_rest(context, sd) for sd in polished.sd)
+    polished = replace(polished, sd=spreads)
+    proposal = polished.effects[-1]
+    gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
+    if turned is None and gain <= 0.5 * refined.gain:
+        return plain(refined)
+    return Tried(proposal, gain, spreads[-1], polished)
+
+
+def fit_again(
+    context: Context, place: Beside, known: Sequence[Proposal], jobs: int = 1
+) -> Polished:
+    """Fit known effects once more, beside what was found of the measurement since.
+
+    What a gauge's fault did to the signals had been taken for theirs, or for a tolerance's.
+
+    Parameters
+    ----------
+    context : Context
+    place : Beside
+        The machine with its effects.
+    known : sequence of Proposal
+        All of them, of machine and measurement.
+    jobs : int
+        Simulations at a time.
+    """
+    again, fixed = of_machine_among(known)
+    turned = place.stage.turned
+    if again:
+        try:
+            found = polish(
+                context,
+                again,
+                turned,
+                fixed,
+                lambda p: freed(p, known),
+                any(e.cause in MOVES_RESONANCE for e in again),
+                jobs,
+                STEPS_AT_LENGTH if any(e.cause in LOCAL for e in again) else STEPS,
+            )
+        except EscalatorError:
+            pass  # as it was, its tolerances tuned
+        else:
+            spreads = tuple(_with_rest(context, sd) for sd in found.sd)
+            return replace(found, sd=spreads)
+    deviations = tuple(k.deviation for k in (*again, *fixed))
+    return Polished(*tuned(context, deviations, jobs, turned), (), ())
+
+
+def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
+    """Return spreads with what the carriage's place at rest adds to a stop's.
+
+    The sensor's zero is arbitrary: the data tell where in the motion the stop is, and tolerances of
+    length where the motion is.
+    """
+    if 'displacement_m' not in sd:
+        return sd
+    machine, nominal = context.machine, context.nominal
+    responses = context.responses if nominal is None else nominal.responses
+    moved = [s.quantity == 'carriage_displacement' for s in machine.instruments.sensors]
+    knobs = [knob.name for knob in knobs_of(machine, context.setting.experiment)]
+    rest = [responses.knobs[name][:, moved].mean() for name in knobs if name in responses.knobs]
+    return {**sd, 'displacement_m': float(np.hypot(sd['displacement_m'], np.linalg.norm(rest)))}

@@ -1,0 +1,73 @@
+"""Accepted effects, and what their laws may leave."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.verdict import Weighed
+
+# An accepted law is never quite the machine's: what it leaves looks like a smaller effect. A further
+# effect must explain more than these shares of what the others did; more among causes that act
+# through the same part, unless it explains most of what is left above a good machine's: what a law
+# leaves has no other cause's form.
+SHARE_OF_FIRST = 0.01
+SHARE_OF_KIN = 0.3
+CLOSES = 0.5
+# What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
+ONE_GAUGE = ('gauge_gain', 'gauge_drift')
+KIN = (
+    frozenset({
+        'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
+        'landing_length', 'chain_elongation', 'guide_drag', 'rolling_resistance',
+    }),
+    frozenset({'roller_eccentricity', 'roller_flat', 'guide_step'}),
+    frozenset({'drive_ripple', 'drive_hunting', 'drive_stiffness'}),
+    frozenset({'load_distribution', 'step_mass', 'load_offset', 'roller_drag', 'link_stiffness'}),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Found:
+    """An accepted effect.
+
+    Attributes
+    ----------
+    proposal : Proposal
+        With the fitted numbers.
+    probability : float
+    sd : mapping of parameter to float
+        By chi squared alone.
+    gain : float
+        Fall of chi squared.
+    rivals : tuple of Weighed
+        All that was weighed with it, best first.
+    """
+
+    proposal: Proposal
+    probability: float
+    sd: dict[str, float]
+    gain: float
+    rivals: tuple[Weighed, ...]
+
+
+def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
+    """Tell whether a further effect is no more than what an accepted law leaves.
+
+    Parameters
+    ----------
+    cause : str
+    gain : float
+        Fall of chi squared.
+    found : sequence of Found
+        The accepted effects.
+    excess : float
+        Chi squared above a good machine's, before the further effect.
+    """
+    if cause in ONE_GAUGE:
+        return False
+    for earlier in found:
+        kin = any({cause, earlier.proposal.cause} <= group for group in KIN)
+        is_kin = (kin or cause == earlier.proposal.cause) and gain < CLOSES * excess
+        if gain < (SHARE_OF_KIN if is_kin else SHARE_OF_FIRST) * earlier.gain:
+            return True
+    return False
