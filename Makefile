@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := setup
-.PHONY: setup demo test test-long bench bench-deps bench-diagnosis campaign campaign-diagnosis \
+.PHONY: setup demo test test-long bench bench-deps bench-diagnosis bench-several campaign campaign-diagnosis \
     hidden floor kwon-floor lint lock clean
 
 PYTEST_ARGS ?=
@@ -104,6 +104,15 @@ bench-diagnosis: setup
 	@. tools/env.sh
 	exec .venv/bin/python -m benchmarks.diagnosis --n $(N) --seed $(SEED) --out '$(OUT)' \
 	    --jobs $(JOBS) $(DIAGNOSIS_ARGS)
+
+# Two or three causes hidden at once, in one recording of a machine or in all 16 experiments.
+# make bench-several SEED=9001 [N=5] [OUT=DIR] [SEVERAL_ARGS='--effects 3 --recordings 16']
+bench-several: N = 5
+bench-several: OUT = out/several
+SEVERAL_ARGS ?=
+bench-several: setup
+	@. tools/env.sh
+	exec .venv/bin/python -m benchmarks.several --n $(N) --seed $(SEED) --out '$(OUT)' $(SEVERAL_ARGS)
 
 # Another multibody program, for comparisons only.
 bench-deps: setup
