@@ -14,7 +14,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import changed, jacobian_of, moved, slope_of
 from escalator_twin.diagnosis.regression import fit, Fitted, inner_products, inverse
 from escalator_twin.diagnosis.stage import LARGEST
-from escalator_twin.diagnosis.tuning import coarse_to_fine
+from escalator_twin.diagnosis.tuning import coarse_to_fine, ROUNDS
 from escalator_twin.machine import Deviation
 from escalator_twin.signals import Floats
 
@@ -85,9 +85,12 @@ class JointFit:
         return place if self.free is None else self.free(place)
 
     def tuned(
-        self, effects: Sequence[Proposal], held: Collection[str], jobs: int
+        self, effects: Sequence[Proposal], held: Collection[str], jobs: int, rounds: int = ROUNDS
     ) -> dict[str, float]:
-        """Return the tolerances that the machine with the effects fits best with, from none."""
+        """Return the tolerances that the machine with the effects fits best with, from none.
+
+        ``rounds``: see `coarse_to_fine`.
+        """
         plain, nominal = self, self.context.nominal
         if nominal is not None:
             responses = replace(self.context.responses, knobs=nominal.responses.knobs)
@@ -96,7 +99,7 @@ class JointFit:
             plain = plain.taken_anew(effects, {}, jobs)  # the rail acts as in that machine too
         place = plain.beside(effects, {})
         return coarse_to_fine(
-            plain.context, place, self.deviations(effects), jobs, held, self.free
+            plain.context, place, self.deviations(effects), jobs, held, self.free, rounds=rounds
         )
 
     def columns(self, place: Beside, effects: Sequence[Proposal], jobs: int = 1) -> np.ndarray:

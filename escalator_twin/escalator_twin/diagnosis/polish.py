@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED
 from escalator_twin.diagnosis.joint import Free, JointFit, judged, moved_all
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inverse
+from escalator_twin.diagnosis.tuning import ROUNDS
 from escalator_twin.diagnosis.verdict import size_in_tolerances
 from escalator_twin.machine import Deviation
 
@@ -84,11 +85,8 @@ def polish(
     if anew and is_near:
         fit_one = fit_one.taken_anew(effects, at, jobs)
     place = fit_one.beside(effects, at)
-    for _ in range(0 if is_near else APPROACHES):
-        before = effects
-        fit_one, place, effects = approach(fit_one, place, effects, jobs=jobs)
-        if not is_far(before, effects):
-            break
+    if not is_near:
+        fit_one, place, effects = led(fit_one, place, effects, jobs)
     tangent = dict(place.stage.turned)
     spreads = tuple(dict[str, float]() for _ in effects)
     left = ANEW
@@ -111,19 +109,37 @@ def polish(
     return Polished(fit_one.context, place, effects, spreads)
 
 
+def led(
+    fit_one: JointFit, place: Beside, effects: tuple[Proposal, ...], jobs: int = 1
+) -> tuple[JointFit, Beside, tuple[Proposal, ...]]:
+    """Tune the tolerances beside effects from none; what effects stand for goes into their sizes.
+
+    That leads as far as a tolerance reaches, and is done again where more may follow.
+    """
+    if all(e.nuisance is None for e in effects):
+        return approach(fit_one, place, effects, jobs=jobs)
+    for _ in range(APPROACHES):
+        before = effects
+        fit_one, place, effects = approach(fit_one, place, effects, jobs=jobs, rounds=1)
+        if not is_far(before, effects):
+            break
+    return fit_one, place, effects
+
+
 def approach(
     fit_one: JointFit,
     place: Beside,
     effects: Sequence[Proposal],
     held: Collection[str] = (),
     jobs: int = 1,
+    rounds: int = ROUNDS,
 ) -> tuple[JointFit, Beside, tuple[Proposal, ...]]:
     """Tune the tolerances beside effects from none, where that comes nearer than they are.
 
     Without the effects they had been turned to explain what these explain. Where a tolerance is turned
-    that an effect stands for, the effect's size takes it over.
+    that an effect stands for, the effect's size takes it over. ``rounds``: see `coarse_to_fine`.
     """
-    way = fit_one.tuned(effects, held, jobs)
+    way = fit_one.tuned(effects, held, jobs, rounds)
     sized = tuple(taken_over(e, way, place.stage.tolerances) for e in effects)
     own = {e.nuisance for e in effects} - set(held)
     way = {name: z for name, z in way.items() if name not in own}

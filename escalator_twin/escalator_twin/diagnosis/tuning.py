@@ -48,6 +48,7 @@ def coarse_to_fine(
     jobs: int = 1,
     held: Collection[str] = (),
     free: Free | None = None,
+    rounds: int = ROUNDS,
 ) -> dict[str, float]:
     """Return the tolerances, standard deviations, at which a machine comes nearest to a recording.
 
@@ -64,6 +65,8 @@ def coarse_to_fine(
         Tolerances that are not turned.
     free : callable, optional
         Frees the nuisance that effects of the measurement stand for.
+    rounds : int
+        In which tolerances are turned far, to leave a hollow.
     """
     search = _Search(context, place, place.stage.lean(place.model), deviations, jobs, held, free)
     turned = dict(place.stage.turned)
@@ -73,7 +76,7 @@ def coarse_to_fine(
         if cut < BAND_HZ:
             turned = slow_alone.descend(turned, cut)[0]
     turned = search.descend(turned)[0]
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         start = search.at(turned)
         level = quiet_chi2(start)
         kicked, there = search.kicked(start)

@@ -8,7 +8,7 @@ from escalator_twin.diagnosis.afar import look_afar
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
-from escalator_twin.diagnosis.found import Found, is_left_over
+from escalator_twin.diagnosis.found import Found, is_left_over, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
@@ -126,7 +126,7 @@ def walk(
         if not any(_may_stand(p, found, excess) for p in sought_all):
             weighed = weigh(_candidates(proposals, []))
             break
-        chosen = choose(proposals)
+        chosen = [p for p in choose(proposals) if not _is_hopeless(p, proposals)]
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
@@ -195,6 +195,12 @@ def _is_unrun(top: Weighed, tried: Sequence[Tried]) -> bool:
 def _is_gone(proposal: Proposal) -> bool:
     """Tell whether nothing is left of an effect once a later one was fitted beside it."""
     return size_in_tolerances(proposal) < EFFECT_TOLERANCES
+
+
+def _is_hopeless(proposal: Proposal, proposals: Sequence[Proposal]) -> bool:
+    """Tell whether one gauge's fault explains more than fitting can make of a proposal."""
+    best = max((p.gain for p in proposals if p.cause in ONE_GAUGE), default=0.0)
+    return HOPE * proposal.gain < best and proposal.nuisance is None
 
 
 def _is_rest(top: Weighed, found: Sequence[Found], excess: float) -> bool:
