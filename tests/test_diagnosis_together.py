@@ -24,7 +24,7 @@ from escalator_twin.twin import make_simulation
 pytestmark = pytest.mark.issue(7)
 
 CENTRE_X = 1  # of an arc, m
-FRICTION_N, LANDING_M = 170.0, 6.5e-3
+FRICTION_N, LANDING_M = 170.0, 7e-3
 LANDING = Proposal(
     'landing_length', {'which': 'upper'}, {'delta_m': 6e-3}, 0.0,
     fitted=('delta_m',), nuisance='guide.upper_landing_m',
@@ -55,12 +55,8 @@ def test_an_effect_with_a_turned_tolerance_is_the_same_machine_as_the_one_that_t
         return make_simulation(apply(whole, (proposal.deviation,)), setting).parameters
 
     one, two, neither = of(effect, turned), of(other, rest), of(effect, rest)
-    places = (
-        'segments',
-        'length_m',
-        'survey',
-        'lateral',
-    )  # a longer landing is mapped on the designed one, a tolerance not
+    # a longer landing is mapped on the designed one, a tolerance is not
+    places = ('segments', 'length_m', 'survey', 'lateral')
     for name, left, right in zip(one._fields, one, two, strict=True):
         if name not in places:
             np.testing.assert_allclose(right, left, rtol=1e-12, atol=1e-12, err_msg=name)
@@ -78,21 +74,27 @@ def test_what_was_taken_over_is_far_from_one_tolerance_on():
 
 
 @pytest.fixture(scope='module')
-def context(tmp_path_factory, machine):
-    """Return a recording, by the generator, of a machine with a dry carriage and a long landing."""
+def recorded(tmp_path_factory, machine):
+    """Return a recording, by the generator, of a machine with a dry carriage and a long landing.
+
+    Beside it, by how much the landing is longer, with its own tolerance.
+    """
     folder = tmp_path_factory.mktemp('together')
     effects = (
         Effect('tensioner_friction', {}, {'force_N': FRICTION_N}),
         Effect('landing_length', {'which': 'upper'}, {'delta_m': LANDING_M}),
     )
-    write(make(Order(64, Case(0.5, 1, 0.0, 3000.0), 80.0, effects)), folder / 'bag', None)
+    made = make(Order(65, Case(0.5, 1, 75.0, 3000.0), 90.0, effects))
+    write(made, folder / 'bag', None)
     found = prepare_tolerances(
         bagfile.read(folder / 'bag', machine), machine, load_floor(machine), jobs=2
     )
-    return replace(found, nominal=Nominal(beside(found, steps=0), found.responses))
+    whole = LANDING_M + made.truth['tolerances']['upper_landing_m']
+    return replace(found, nominal=Nominal(beside(found, steps=0), found.responses)), whole
 
 
-def test_the_second_effect_stands_out_from_the_machine_with_the_first(context):
+def test_the_second_effect_stands_out_from_the_machine_with_the_first(recorded):
+    context, landing_m = recorded
     # as far off as the first is found where the second is not known
     known = Proposal('tensioner_friction', {}, {'force_N': 160.0}, 0.0, fitted=('force_N',))
     afar = look_afar(context, 2, [known])
@@ -103,4 +105,6 @@ def test_the_second_effect_stands_out_from_the_machine_with_the_first(context):
     found = polish(afar.context, [known, best.proposal], {}, anew=True, jobs=2)
     sizes = [e.parameters[e.fitted[0]] for e in found.effects]
     assert sizes[0] == pytest.approx(FRICTION_N, rel=0.1)
-    assert abs(sizes[1] - LANDING_M) < 3e-3  # the landing's own tolerance is in it
+    # one fit from far off ends in a hollow beside it at times: damping of the carriage, dry friction and
+    # landing share what they do
+    assert sizes[1] == pytest.approx(landing_m, rel=0.4)
