@@ -1,5 +1,7 @@
 """Causes against closed forms: sign and scale of what each one does, on ideal rails."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trials
@@ -8,6 +10,7 @@ from trials import CARRIAGE, case, deviation, link, probe, trial
 from escalator_twin.physics.contact import ramp
 from escalator_twin.physics.state import NO_DOG
 from escalator_twin.signals import Experiment, Floats
+from escalator_twin.twin import make_simulation
 
 pytestmark = pytest.mark.issue(3)
 
@@ -107,6 +110,24 @@ def test_lengths_are_taken_up_by_the_carriage(item, expected):
     moved = shift(item, (CARRIAGE,), case(SLOW, 1, 0.0), 5.0, 6.48)
     # what the spring gives back changes the tension, and that the elastic length
     assert moved[0] == pytest.approx(expected, rel=0.03)
+
+
+def test_a_longer_landing_moves_the_lateral_line_past_the_upper_turnaround():
+    machine = trials.prototype()
+    item = deviation('landing_length', {'which': 'upper'}, delta_m=8e-3)
+    plain = make_simulation(machine, case(SLOW)).parameters
+    longer = make_simulation(replace(machine, deviations=(item,)), case(SLOW)).parameters
+    n = plain.lateral.shape[1]
+
+    def line(parameters, s_m):
+        at = np.arange(n) * parameters.length_m / n
+        return np.interp(s_m, at, parameters.lateral[0, :, 0], period=parameters.length_m)
+
+    assert line(longer, 5.0) == pytest.approx(line(plain, 5.0), abs=1e-9)
+    assert line(longer, 18.0) == pytest.approx(line(plain, 18.0 + 2 * 8e-3), abs=1e-7)
+    assert abs(line(plain, 18.0) - line(plain, 18.0 + 2 * 8e-3)) > 1e-5
+    # the height stays with its rail
+    assert np.array_equal(longer.survey, plain.survey)
 
 
 def test_a_softer_link_is_longer_by_its_force():
