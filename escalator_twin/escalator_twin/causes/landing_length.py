@@ -55,10 +55,10 @@ def on_own_way(table: Floats, segments: Floats, length_m: float) -> Floats:
     design = np.append(segments[:, START], length_m)
     way = np.append(0.0, np.cumsum(segments[:, LENGTH]))
     grid = np.arange(table.shape[1]) * length_m / table.shape[1]
+    at = np.interp(grid, design, way)
     found = np.empty_like(table)
     for row, old in zip(found, table, strict=True):
         for column in range(table.shape[2]):
-            at = np.interp(grid, design, way)
             row[:, column] = np.interp(at, grid, old[:, column], period=length_m)
     return found
 
