@@ -257,7 +257,8 @@ def rates(model, t, y, marks, slip, work, dy):
         dy[2 * ends + e] = at + turn * y[3 * ends + e]
         dy[3 * ends + e] = an - turn * y[2 * ends + e]
     for i in range(half):
-        cell, after, part = look_up(model, work[S_DESIGN, i])
+        # by the rollers' own way, as the recordings of other makers have it (docs/causes.md)
+        cell, after, part = look_up(model, y[i])
         line = model.lateral[cell] + part * (model.lateral[after] - model.lateral[cell])
         slope = model.lateral_slope[cell]
         slope += part * (model.lateral_slope[after] - slope)
