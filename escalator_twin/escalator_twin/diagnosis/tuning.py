@@ -10,7 +10,6 @@ there.
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from math import inf
 
 import numpy as np
 
@@ -74,16 +73,15 @@ def coarse_to_fine(
     slow_alone = replace(search, held=(*held, *fast))
     for cut in CUTS_HZ:
         if cut < BAND_HZ:
-            turned = slow_alone.descend(turned, cut)[0]
-    turned = search.descend(turned)[0]
+            turned = slow_alone.descend(turned, cut)[0].stage.turned
+    there, is_fresh = search.descend(turned)
     for _ in range(rounds):
-        start = search.at(turned)
-        level = quiet_chi2(start)
-        kicked, there = search.kicked(start)
-        if there > level - WORTH_A_ROUND:
+        start = there if is_fresh else search.at(there.stage.turned)
+        kicked, level = search.kicked(start)
+        if level > quiet_chi2(start) - WORTH_A_ROUND:
             break
-        turned = search.descend(kicked)[0]
-    return turned
+        there, is_fresh = search.descend(kicked)
+    return dict(there.stage.turned)
 
 
 @dataclass(frozen=True)
@@ -100,28 +98,29 @@ class _Search:
 
     def at(self, turned: Mapping[str, float], cut_hz: float | None = None) -> Beside:
         """Run with tolerances turned, and take anew what they do there."""
+        # what is held has no column beside the recording, see `_beside`
+        context = replace(self.context, weak=self.context.weak | set(self.held))
         near = with_own_tolerances(
-            self.context, self.deviations, self.jobs, turned, NEAR, with_rails=False
+            context, self.deviations, self.jobs, turned, NEAR, with_rails=False
         )
         stage = replace(self.lean, turned=dict(turned))
         return _beside(near, self.place, stage, self.held, self.free, cut_hz)
 
     def descend(
         self, turned: Mapping[str, float], cut_hz: float | None = None
-    ) -> tuple[dict[str, float], float]:
-        """Step down by slopes; return where that ends, and chi squared there."""
-        level = inf
+    ) -> tuple[Beside, bool]:
+        """Step down by slopes; return where that ends, and whether its slopes were taken there."""
+        after = None
         for _ in range(MOST_STEPS if cut_hz is None else 1):
             start = self.at(turned, cut_hz)
-            before = quiet_chi2(start)
-            level = min(level, before)
             after = _step(start)
             if after is None:
+                return start, True
+            turned = after.stage.turned
+            if quiet_chi2(start) - quiet_chi2(after) < SETTLED:
                 break
-            turned, level = dict(after.stage.turned), quiet_chi2(after)
-            if before - level < SETTLED:
-                break
-        return dict(turned), level
+        assert after is not None
+        return after, False
 
     def kicked(self, start: Beside) -> tuple[dict[str, float], float]:
         """Return the tolerances with some turned far, those that explain most, and chi squared.
