@@ -19,6 +19,7 @@ from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.scores import scored
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.whitening import make_whitener, sensor_variance, Whitener
 
@@ -226,6 +227,21 @@ def test_a_right_name_that_harms_another_channel_is_told():
     change = passing(N, AXLE)
     change[:, TENSIONER] = 0.5 * SIZE * spread()[TENSIONER] * np.sin(0.21 * np.arange(N))
     assert CHANNELS[TENSIONER] in held(change, effect()).worse
+
+
+def test_only_a_channel_that_an_effect_acts_on_becomes_worse_by_it():
+    measured, base = recorded()
+    stage = stage_of(measured, base)
+    plain = measured - base
+    worse = plain.copy()
+    worse[:, TENSIONER] *= 1.5  # as other turns of the tolerances leave it
+    folds, split = folds_of(stage, [EVERYWHERE])
+    seen = [(slice(*block), plain, worse) for blocks in folds for block in blocks]
+    told = []
+    for acts in (True, False):
+        acted = FORCES | (np.arange(len(CHANNELS)) == TENSIONER) & acts
+        told.append(scored(stage, seen, split, 1, np.ones(len(CHANNELS), bool), acted).worse)
+    assert told == [(CHANNELS[TENSIONER],), ()]
 
 
 def test_a_zero_that_has_moved_later_does_not_drown_the_gain():

@@ -41,6 +41,7 @@ from escalator_twin.diagnosis.view import View
 from escalator_twin.diagnosis.waves import DRIVE
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Recording
+from escalator_twin.threads import one_thread_each
 
 QUARTER = 0.5 * pi
 TREADS = ('roller_eccentricity', 'roller_flat')
@@ -74,6 +75,7 @@ class Confirmed:
     residual: dict[str, Any]
 
 
+@one_thread_each
 def confirm_recording(
     recording: Recording, machine: Machine, effects: Sequence[Proposal], seed: int = 0
 ) -> Confirmed:

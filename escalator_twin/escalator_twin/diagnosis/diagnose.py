@@ -28,6 +28,7 @@ from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Recording
+from escalator_twin.threads import one_thread_each
 
 ENOUGH = 0.5  # of the energy above the floor that the effects must account for to be named
 NAMED = 0.5  # probability from which an effect is told as accepted
@@ -75,6 +76,7 @@ class Diagnosis:
     would_change: list[str] = field(default_factory=list)
 
 
+@one_thread_each
 def diagnose_recording(
     recording: Recording,
     machine: Machine,

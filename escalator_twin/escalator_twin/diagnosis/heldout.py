@@ -68,7 +68,7 @@ def hold_out(
     bounded = np.array([name.startswith(stood_for) for name in bare.nuisance.names], bool)
     seen = _seen(bare, plain, base, change, folds, sizes_known, bounded)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
-    return scored(bare, seen, split, seed, used)
+    return scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0))
 
 
 def _with_columns(stage: Stage) -> Stage:

@@ -58,7 +58,12 @@ class HeldOut:
 
 
 def scored(
-    stage: Stage, seen: Sequence[Seen], split: str, seed: int, channels_used: np.ndarray
+    stage: Stage,
+    seen: Sequence[Seen],
+    split: str,
+    seed: int,
+    channels_used: np.ndarray,
+    acted_on: np.ndarray,
 ) -> HeldOut:
     """Return scores by channel and the gain over blocks, by a bootstrap of whole blocks.
 
@@ -72,6 +77,9 @@ def scored(
         Of the bootstrap.
     channels_used : (c,) bool
         Channels whose energy counts for the gain.
+    acted_on : (c,) bool
+        Channels that the effects change. The others differ by how the same tolerances were fitted
+        alone: no claim is made on them, and they cannot become worse.
     """
     observation = stage.observation
     rate = observation.frame.rate_hz
@@ -112,7 +120,7 @@ def scored(
     worse = [
         channel
         for k, channel in enumerate(observation.channels)
-        if channel in channels and channels_used[k] and _is_worse(drawn[:, :, k])
+        if channel in channels and channels_used[k] and acted_on[k] and _is_worse(drawn[:, :, k])
     ]
     return HeldOut(split, len(seen), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
 

@@ -36,7 +36,8 @@ class Unexplained:
     share : float
         Of the whitened residual energy before any cause.
     explained : float
-        How much of the energy above the floor the effects account for.
+        How much of the energy above the floor, or of chi squared above a good machine's, the effects
+        account for.
     signature : mapping
     above : float
         Chi squared above a good machine's, see `excess_of`.
@@ -96,9 +97,12 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
     excess = float(np.maximum(last - floor, 0.0).sum())
     whole = float(np.maximum(first - floor, 0.0).sum())
     share = float(np.clip(excess / max(float(first.sum()), 1e-12), 0.0, 1.0))
-    explained = float(np.clip(1.0 - excess / max(whole, 1e-12), 0.0, 1.0))
     signature = signature_of(context, after, last, floor) if significant else {}
     above = excess_of(after, context.floor)
+    # what a tolerance or a gauge's own nuisance had taken before counts by what it took to do so
+    fell = max(before.stage.judged(before.fitted) - after.stage.judged(after.fitted), 0.0)
+    by_energy = 1.0 - excess / max(whole, 1e-12)
+    explained = float(np.clip(max(by_energy, fell / max(fell + above, 1e-12)), 0.0, 1.0))
     return Unexplained(significant, share if significant else 0.0, explained, signature, above)
 
 

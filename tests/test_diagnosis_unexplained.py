@@ -1,0 +1,45 @@
+"""What is left is judged against what the effects explain, whoever took it before."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from escalator_twin.diagnosis import unexplained
+
+pytestmark = pytest.mark.issue(6)
+
+CLEAN = np.zeros(2), np.array([0.05, 0.05])  # of the logarithm: mean 1
+
+
+def place(energy, chi2):
+    return SimpleNamespace(
+        energy=np.array(energy), stage=SimpleNamespace(judged=lambda _: chi2), fitted=None
+    )
+
+
+@pytest.fixture
+def explained(monkeypatch):
+    monkeypatch.setattr(unexplained, 'by_channel', lambda p: p.energy)
+    monkeypatch.setattr(unexplained, 'clean_of', lambda *_: CLEAN)
+    monkeypatch.setattr(unexplained, 'excess_of', lambda *_: 200.0)
+    monkeypatch.setattr(unexplained, 'signature_of', lambda *_: {})
+    context = SimpleNamespace(floor=None)
+
+    def told(before, after):
+        return unexplained.look(context, place(*before), place(*after)).explained
+
+    return told
+
+
+def test_what_no_nuisance_had_taken_counts_by_energy(explained):
+    assert explained(([5.0, 1.0], 1000.0), ([2.0, 1.0], 1000.0)) == pytest.approx(0.75)
+
+
+def test_what_a_gauges_own_nuisance_had_taken_counts_by_what_that_took(explained):
+    # the same is left with and without the effect, but its size was no good gauge's
+    assert explained(([1.2, 1.0], 1000.0), ([1.2, 1.0], 400.0)) == pytest.approx(0.75)
+
+
+def test_an_effect_that_explains_nothing_explains_nothing(explained):
+    assert explained(([1.2, 1.0], 1000.0), ([1.2, 1.0], 1000.0)) == 0.0
