@@ -113,11 +113,11 @@ def compile_law(p: Parameters, n: int, travel_m: float) -> Compiled:
     """Freeze parameters into the compiled law."""
 
     @compile_into
-    def part(floats, first, width):  # type: ignore[no-untyped-def]
+    def part(floats, first, width):
         return floats[first * n : (first + width) * n]
 
     @compile_into
-    def view(floats, ints):  # type: ignore[no-untyped-def]
+    def view(floats, ints):
         return State(
             part(floats, 0, 1), ints[:n].reshape(1, n), ints[n:].reshape(1, n),
             part(floats, 1, 1).reshape(1, n), part(floats, 2, 1).reshape(1, n),
