@@ -1,6 +1,7 @@
 """Two effects at once: the second is sought from the machine with the first, and takes its tolerance."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import trials
 
 from escalator_twin import bagfile
 from escalator_twin.causes.application import apply
-from escalator_twin.diagnosis.afar import look_afar
+from escalator_twin.diagnosis.afar import at_the_edge, look_afar
 from escalator_twin.diagnosis.context import beside, Nominal
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
@@ -71,6 +72,19 @@ def test_what_was_taken_over_is_far_from_one_tolerance_on():
     assert is_far([LANDING], [replace(LANDING, parameters={'delta_m': 7.2e-3})])
     assert not is_far([LANDING], [replace(LANDING, parameters={'delta_m': 6.8e-3})])
     assert taken_over(LANDING, {'guide.lower_landing_m': 2.0}, {}) is LANDING
+
+
+def test_a_tolerance_at_its_edge_proposes_its_cause_as_large_as_it_was_turned():
+    tolerances = {'guide.upper_landing_m': 1e-3, 'tensioner.stiffness_n_m': 0.02}
+    turned = {'guide.upper_landing_m': -2.1, 'tensioner.stiffness_n_m': 2.5, 'chain.mass': 2.5}
+    tuned = SimpleNamespace(stage=SimpleNamespace(turned=turned, tolerances=tolerances))
+    wrong = replace(LANDING, parameters={'delta_m': -6e-3})
+    spring, landing = at_the_edge([wrong, LANDING, SPRING], tuned)
+    assert spring.cause == 'tensioner_stiffness'
+    assert spring.parameters['factor'] == pytest.approx(1.05)
+    assert landing.parameters['delta_m'] == pytest.approx(-2.1e-3)
+    turned['guide.upper_landing_m'] = 1.9
+    assert [e.cause for e in at_the_edge([LANDING, SPRING], tuned)] == ['tensioner_stiffness']
 
 
 @pytest.fixture(scope='module')

@@ -12,6 +12,7 @@ from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.context import Beside, beside, Context, Nominal
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.polish import taken_over
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.responses import find_far, tolerances_only
 from escalator_twin.diagnosis.search import Search, search_all
@@ -19,6 +20,9 @@ from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 from escalator_twin.diagnosis.view import View
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation, Machine
+
+EDGE = 2.0  # standard deviations from which a tolerance may stand in for an effect
+MOST_EDGES = 2  # fitted in a round
 
 
 @dataclass(frozen=True)
@@ -32,11 +36,14 @@ class Afar:
     place : Beside
     proposals : list of Proposal
         Best first.
+    edges : tuple of Proposal
+        Fitted whatever they promise, see `at_the_edge`.
     """
 
     context: Context
     place: Beside
     proposals: list[Proposal]
+    edges: tuple[Proposal, ...] = ()
 
 
 def look_afar(context: Context, jobs: int = 1, known: Sequence[Proposal] = ()) -> Afar | None:
@@ -78,3 +85,33 @@ def _untuned(
     responses = tolerances_only(machine, context.setting.experiment, jobs)
     place = beside(replace(context, responses=responses, own=None), deviations, steps=0)
     return Nominal(place, responses)
+
+
+def at_the_edge(proposals: Sequence[Proposal], tuned: Beside) -> tuple[Proposal, ...]:
+    """Return the causes whose tolerance the tuning has used up, as large as it was turned.
+
+    Slopes taken at the machine as described say little of a landing that is longer by many of them:
+    it moves rollers by as much as the signals' waves are long. That its tolerance ends at its edge says more.
+
+    Parameters
+    ----------
+    proposals : sequence of Proposal
+        One of each such cause, of any size.
+    tuned : Beside
+        The machine with the known effects, its tolerances tuned.
+
+    Returns
+    -------
+    edges : tuple of Proposal
+        The farthest turned first.
+    """
+    turned, tolerances = tuned.stage.turned, tuned.stage.tolerances
+    edges: dict[str, Proposal] = {}
+    for proposal in proposals:
+        name = proposal.nuisance or ''
+        if abs(turned.get(name, 0.0)) < EDGE or name in edges or not proposal.fitted:
+            continue
+        key = proposal.fitted[0]
+        none = replace(proposal, parameters={key: 1.0 if key == 'factor' else 0.0})
+        edges[name] = taken_over(none, turned, tolerances)
+    return tuple(edges[name] for name in sorted(edges, key=lambda name: -abs(turned[name])))

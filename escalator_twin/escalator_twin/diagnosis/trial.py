@@ -218,6 +218,9 @@ def _tried_afar(
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
     if not known:  # beside known effects, what the tolerances are to take up is far above all else
         leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
+    edges = [e for e in afar.edges if all(e.cause != r.proposal.cause for r in leading)]
+    runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
+    leading += [r for r in runs if r is not None]
     share = max(1, jobs // max(1, len(leading)))
     fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, share), leading)
     found = []

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from escalator_twin.diagnosis.afar import look_afar
+from escalator_twin.diagnosis.afar import at_the_edge, look_afar, MOST_EDGES
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
@@ -27,6 +27,7 @@ from escalator_twin.diagnosis.verdict import (
 from escalator_twin.diagnosis.view import View
 
 MOST_EFFECTS = 3
+MOST_ROUNDS = 4  # one more, for what took a later effect's place and is dropped beside it
 CONTENDERS = 4  # proposals that are simulated in a round
 OF_ONE_CAUSE = 2
 WORTH = 0.35  # of the best proposal's gain, from which a proposal is simulated
@@ -113,15 +114,17 @@ def walk(
     found: list[Found] = []
     before = place = freed(context.place or beside(context), start)
     weighed: list[Weighed] = []
-    for _ in range(MOST_EFFECTS):
-        if found and not is_open(place, context.floor):
+    for _ in range(MOST_ROUNDS):
+        if len(found) == MOST_EFFECTS or (found and not is_open(place, context.floor)):
             break
         known = [*start, *(f.proposal for f in found)]
         excess = excess_of(place, context.floor)
         proposals = bench.propose(context, place, jobs)
         afar = look_afar(context, jobs, known)
         if afar is not None:
-            afar = replace(afar, proposals=choose(afar.proposals))
+            # beside nothing known, whatever is wrong turns any tolerance to its edge
+            edges = at_the_edge(afar.proposals, place)[:MOST_EDGES] if known else ()
+            afar = replace(afar, proposals=choose(afar.proposals), edges=edges)
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
         if not any(_may_stand(p, found, excess) for p in sought_all):
             weighed = weigh(_candidates(proposals, []))
