@@ -1,5 +1,6 @@
 """The walk over rounds: what it accepts was run with the twin."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -43,3 +44,44 @@ def test_an_effect_that_was_not_chosen_is_run_before_it_is_accepted(monkeypatch,
     found = walk(context, bench=bench).found
     assert runs == [['guide_step'], ['truss_resonance']]
     assert [f.proposal.cause for f in found] == ['truss_resonance'] * accepted
+
+
+def test_an_effect_that_is_dropped_beside_a_later_one_costs_no_round(monkeypatch):
+    friction = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
+    step = Proposal('guide_step', {'s_m': 0.4, 'side': 'both'}, {'height_m': 8e-4}, 5e3)
+    landing = Proposal('landing_length', {'which': 'upper'}, {'delta_m': 7e-3}, 4e3)
+    gauge = Proposal('gauge_gain', {'link': 'right_b'}, {'factor': 1.06}, 2e3)
+    rounds = [friction, step, landing, gauge]
+    seen = []
+
+    def propose(*_):
+        seen.append(rounds[len(seen)])
+        return [seen[-1]]
+
+    def again(context, place, known, _):
+        # beside the landing nothing is left of the rail's step
+        kept = [
+            replace(e, parameters={'height_m': 1e-7}) if e is step and landing in known else e
+            for e in known
+        ]
+        return Polished(context, place, tuple(kept), tuple({} for _ in kept))
+
+    place = SimpleNamespace(stage=SimpleNamespace(turned={}))
+    bench = Bench(
+        propose=propose,
+        attempt=lambda _context, _place, _known, chosen, *_: [
+            Tried(p, p.gain, dict(p.sd)) for p in chosen
+        ],
+        again=again,
+        bare=lambda place, _: place,
+        decide=lambda *_: None,
+        begin=lambda *_: {},
+    )
+    monkeypatch.setattr(module, 'freed', lambda place, _: place)
+    monkeypatch.setattr(module, 'is_open', lambda *_: True)
+    monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
+    monkeypatch.setattr(module, 'look_afar', lambda *_: None)
+    found = walk(SimpleNamespace(place=place, floor=None), bench=bench).found
+    assert [f.proposal.cause for f in found] == [
+        'tensioner_friction', 'landing_length', 'gauge_gain',
+    ]  # fmt: skip
