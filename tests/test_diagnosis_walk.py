@@ -85,3 +85,26 @@ def test_an_effect_that_is_dropped_beside_a_later_one_costs_no_round(monkeypatch
     assert [f.proposal.cause for f in found] == [
         'tensioner_friction', 'landing_length', 'gauge_gain',
     ]  # fmt: skip
+
+
+def test_one_gauge_creeps_once(monkeypatch):
+    drift = Proposal('gauge_drift', {'link': 'right_a'}, {'strain': -9e-6, 'curvature': 3.5}, 9e3)
+    again = replace(drift, parameters={'strain': -1e-6, 'curvature': 1.0}, gain=300.0)
+    other = replace(drift, location={'link': 'left_b'}, gain=200.0)
+    place = SimpleNamespace(stage=SimpleNamespace(turned={}))
+    bench = Bench(
+        propose=lambda *_: [drift, again, other],
+        attempt=lambda *_: [],
+        again=lambda context, place, known, _: Polished(
+            context, place, tuple(known), tuple({} for _ in known)
+        ),
+        bare=lambda place, _: place,
+        decide=lambda *_: None,
+        begin=lambda *_: {},
+    )
+    monkeypatch.setattr(module, 'freed', lambda place, _: place)
+    monkeypatch.setattr(module, 'is_open', lambda *_: True)
+    monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
+    monkeypatch.setattr(module, 'look_afar', lambda *_: None)
+    found = walk(SimpleNamespace(place=place, floor=None), bench=bench).found
+    assert [f.proposal.location['link'] for f in found] == ['right_a', 'left_b']

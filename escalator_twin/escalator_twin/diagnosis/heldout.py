@@ -66,7 +66,8 @@ def hold_out(
     shaking = any(effect.cause in SHAKING for effect in effects)
     stood_for = tuple(e.nuisance for e in effects if e.nuisance and not of_machine(e))
     bounded = np.array([name.startswith(stood_for) for name in bare.nuisance.names], bool)
-    seen = _seen(bare, plain, base, change, folds, sizes_known, bounded)
+    slow = slow_of(bare, effects)
+    seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     return scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0))
 
@@ -137,10 +138,12 @@ def _seen(
     folds: list[list[tuple[int, int]]],
     sizes_known: bool,
     bounded: np.ndarray,
+    slow: np.ndarray,
 ) -> list[Seen]:
     """Return every held-out block with what is left of the recording without and with effects.
 
-    ``bounded`` tells which nuisance effects of the measurement stand for, (q,).
+    ``bounded`` tells which nuisance effects of the measurement stand for, ``slow`` which is settled
+    anew on what is held out, (q,) each.
     """
     n = len(stage.observation.index)
     guard = GUARD_PITCHES * stage.observation.frame.per_pitch
@@ -164,8 +167,7 @@ def _seen(
         left = before - np.tensordot(stage.nuisance.columns, stage.allowed(alone), 1)
         better = residual - size * change
         better = better - np.tensordot(stage.nuisance.columns, stage.allowed(again), 1)
-        if later:
-            left, better = (_eased(stage, blocks, rows) for rows in (left, better))
+        left, better = (_eased(stage, blocks, rows, slow) for rows in (left, better))
         seen += [(slice(*block), left, better) for block in blocks]
     return seen
 
@@ -184,19 +186,34 @@ def sizes_within(white: np.ndarray, columns: np.ndarray, bounded: np.ndarray) ->
     return sizes
 
 
-def _eased(stage: Stage, blocks: Sequence[tuple[int, int]], residual: Floats) -> Floats:
+def slow_of(stage: Stage, effects: Sequence[Proposal]) -> np.ndarray:
+    """Return which nuisance is settled anew on held-out blocks: the instruments', (q,) bool.
+
+    Not that of a gauge that is said to creep: it would take the claim's place on both sides.
+    """
+    creeping = {e.location.get('link') for e in effects if e.cause == 'gauge_drift'}
+    own = tuple(
+        f'{channel}/'
+        for channel in stage.observation.channels
+        if stage.machine.instruments.sensor(channel).name in creeping
+    )
+    names = stage.nuisance.names
+    return np.array([SLOW.search(n) is not None and not n.startswith(own) for n in names], bool)
+
+
+def _eased(
+    stage: Stage, blocks: Sequence[tuple[int, int]], residual: Floats, slow: np.ndarray
+) -> Floats:
     """Return a residual with the instruments' slow nuisance fitted to the held-out blocks, (n, c).
 
-    What gauges creep by, and where the chain is to a millimetre, is no part of a claim, and what the
-    first loop says of it does not reach beyond: drawn out, it would drown what is compared.
+    What gauges creep by, and where the chain is to a millimetre, is no part of a claim, and what other
+    blocks say of it does not reach into these: drawn out, it would drown what is compared.
     """
     held = np.zeros(len(residual), np.float32)
     for block in blocks:
         held[slice(*block)] = 1.0
     whiten = replace(stage.whiten, mask=stage.whiten.mask * held[:, None])
-    columns = stage.nuisance.columns[
-        :, :, [SLOW.search(n) is not None for n in stage.nuisance.names]
-    ]
+    columns = stage.nuisance.columns[:, :, slow]
     sizes = fit(whiten(residual[:, :, None])[:, 0], whiten(columns)).sizes
     eased: Floats = residual - np.tensordot(columns, sizes, 1)
     return eased

@@ -119,7 +119,9 @@ def walk(
             break
         known = [*start, *(f.proposal for f in found)]
         excess = excess_of(place, context.floor)
-        proposals = bench.propose(context, place, jobs)
+        proposals = [
+            p for p in bench.propose(context, place, jobs) if not _is_known_fault(p, known)
+        ]
         afar = look_afar(context, jobs, known)
         if afar is not None:
             # beside nothing known, whatever is wrong turns any tolerance to its edge
@@ -198,6 +200,11 @@ def _is_unrun(top: Weighed, tried: Sequence[Tried]) -> bool:
 def _is_gone(proposal: Proposal) -> bool:
     """Tell whether nothing is left of an effect once a later one was fitted beside it."""
     return size_in_tolerances(proposal) < EFFECT_TOLERANCES
+
+
+def _is_known_fault(proposal: Proposal, known: Sequence[Proposal]) -> bool:
+    """Tell whether a fault of the measurement is known already: what it leaves is its own law's error."""
+    return not of_machine(proposal) and any(same_place(proposal, other) for other in known)
 
 
 def _is_hopeless(proposal: Proposal, proposals: Sequence[Proposal]) -> bool:
