@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from escalator_twin.causes import CAUSES
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.verdict import size_in_tolerances, weigh
+from escalator_twin.diagnosis.verdict import (
+    FAR_SIZE,
+    size_in_references,
+    size_in_tolerances,
+    weigh,
+)
 
 pytestmark = pytest.mark.issue(6)
 
@@ -122,3 +128,29 @@ def test_every_cause_can_be_weighed():
         parameters = dict(cause.references[0]) if cause.references else {}
         (weighed,) = weigh([(proposal(cause.name, parameters), 1e4)])
         assert 0.0 <= weighed.probability <= 1.0
+
+
+@pytest.mark.parametrize(
+    ('cause', 'parameters', 'times'),
+    [
+        ('tensioner_stiffness', {'factor': 1.4}, 0.943),  # log 1.4 over log 1 / 0.7
+        ('tensioner_stiffness', {'factor': 4.4}, 4.15),
+        ('landing_length', {'delta_m': -1.2e-2}, 2.0),
+        ('load_distribution', {'load_factor': 0.0}, 1.0),
+        (
+            'truss_resonance',
+            {'modal_mass_kg': 9e3, 'frequency_hz': 4.0, 'damping_ratio': 0.04},
+            0.0,
+        ),
+    ],
+)
+def test_a_size_is_told_in_references(cause, parameters, times):
+    found = size_in_references(Proposal(cause, {}, parameters, 0.0))
+    assert found == pytest.approx(times, rel=0.01)
+
+
+def test_every_reference_is_within_what_a_cause_is_known_with():
+    for cause in KNOWN.values():
+        for reference in cause.references:
+            assert size_in_references(Proposal(cause.name, {}, dict(reference), 0.0)) <= 1.0
+    assert FAR_SIZE > 2.0  # twice of it is drawn by the generator

@@ -15,6 +15,8 @@ from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.verdict import (
     ALIKE,
     EFFECT_TOLERANCES,
+    FAR_SIZE,
+    size_in_references,
     size_in_tolerances,
     Weighed,
 )
@@ -153,6 +155,11 @@ def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
     if np.isfinite(size):
         side = for_it if size >= EFFECT_TOLERANCES else against
         side.append(f'its size is {size:.1f} tolerances of a good machine')
+    far = size_in_references(weighed.proposal)
+    if far > FAR_SIZE:
+        against.append(
+            f'its size is {far:.1f} times what the cause is known with: another may be at work'
+        )
     if weighed.gain < best and best > 0.0:
         against.append(f'that is {weighed.gain / best:.0%} of what the accepted one explains')
     if weighed.proposal.places > 1:

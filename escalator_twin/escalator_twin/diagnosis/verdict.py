@@ -23,6 +23,9 @@ PRIOR_EFFECT = 5.0  # nats that speak for a good machine before anything was see
 # The same where a cause stands for a tolerance, whose prior has its say already: at four tolerances
 # an effect is likelier than not, at three it is not.
 PRIOR_BEYOND = 4.0
+# Times the reference from which a size is no longer this cause's: contracts.md lets bars hold at the
+# reference and asks for a third of it; twice is the most that the generator draws.
+FAR_SIZE = 3.0
 ALIKE = 3.0  # nats within which two causes cannot be told apart
 
 
@@ -59,6 +62,25 @@ def size_in_tolerances(proposal: Proposal) -> float:
                 way = log(max(proposal.parameters[parameter.name], 1e-3))
             total += (way / parameter.tolerance) ** 2
     return total**0.5 if known else inf
+
+
+def size_in_references(proposal: Proposal) -> float:
+    """Return how many times the largest reference of its cause a proposal's size is; 0 without one."""
+    cause = KNOWN[proposal.cause]
+    found = [0.0]
+    for parameter in cause.sizes:
+        neutral, name = parameter.neutral, parameter.name
+        if neutral is None or not np.isfinite(neutral) or name not in proposal.parameters:
+            continue
+        is_ratio = name == 'factor'
+
+        def way(value: float, neutral: float = neutral, is_ratio: bool = is_ratio) -> float:
+            return abs(log(max(value, 1e-3) / neutral)) if is_ratio else abs(value - neutral)
+
+        reference = max((way(r[name]) for r in cause.references if name in r), default=0.0)
+        if reference > 0.0:
+            found.append(way(proposal.parameters[name]) / reference)
+    return max(found)
 
 
 RATIOS = {('drive_stiffness', 'factor'), ('link_stiffness', 'factor')}
