@@ -268,7 +268,8 @@ FLOATS = st.floats(
 @given(
     values=st.lists(st.tuples(FLOATS, FLOATS, FLOATS), min_size=1, max_size=20),
     start=st.integers(1, 2 * 10**18),
-    steps=st.lists(st.integers(1, 10**12), min_size=20, max_size=20),
+    # a message more than a minute from all others is taken for one with a broken stamp
+    steps=st.lists(st.integers(1, 5 * 10**10), min_size=20, max_size=20),
     case=st.text(max_size=20).filter(lambda t: '\x00' not in t),
     load=st.floats(0.0, 1e6),
 )

@@ -241,19 +241,15 @@ def simulate_rails(
     if base is None:
         return []
 
-    def some(part: Sequence[Floats]) -> list[np.ndarray | None]:
+    def some(part: Sequence[Floats]) -> list[np.ndarray]:
         simulation = built(machine, experiment)
         loops = (runs(simulation, rail, base.rack_m) for rail in part)
-        return [None if loop is None else loop.columns - base.columns for loop in loops]
+        return [loop.columns - base.columns for loop in loops if loop is not None]
 
     count = max(1, jobs)
     with ThreadPoolExecutor(count) as pool:
         parts = pool.map(some, [rails[k::count] for k in range(count)])
-    # in the rails' order, however many ran at a time: what follows must not hang on that
-    found: list[np.ndarray | None] = [None] * len(rails)
-    for k, part in enumerate(parts):
-        found[k::count] = part
-    return [change for change in found if change is not None]
+    return [change for part in parts for change in part]
 
 
 def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, rack_m: float | None) -> Loop:
