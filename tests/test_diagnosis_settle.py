@@ -117,19 +117,25 @@ def test_two_waves_fitted_together_keep_their_own_numbers():
     assert [f.proposal.parameters['cycles_per_pitch'] for f in again] == [0.37, 0.63]
 
 
-def test_a_size_far_beyond_what_a_cause_is_known_with_is_not_named(monkeypatch):
-    def named(factor):
-        spring = Proposal('tensioner_stiffness', {}, {'factor': factor}, 9e3)
-        monkeypatch.setattr(diagnose, 'hold_out', lambda *_: SimpleNamespace(**GAINED))
-        walked = SimpleNamespace(
-            found=(Found(spring, 0.99, {}, 9e3, ()),), after=None,
-            before=SimpleNamespace(stage=SimpleNamespace(turned={})),
-        )  # fmt: skip
-        rest = SimpleNamespace(significant=False, explained=1.0, above=0.0)
-        rows, _ = diagnose.settle(None, walked, rest, 0)
-        return rows[0][1] >= diagnose.NAMED
-
-    assert named(1.4)
-    assert named(0.5)  # twice the reference
-    assert not named(4.4)
-    assert not named(0.2)
+@pytest.mark.parametrize(
+    ('cause', 'parameters', 'is_named'),
+    [
+        ('tensioner_stiffness', {'factor': 1.4}, True),
+        ('tensioner_stiffness', {'factor': 0.5}, True),  # twice the reference
+        ('tensioner_stiffness', {'factor': 4.4}, False),
+        ('tensioner_stiffness', {'factor': 0.2}, False),
+        ('gauge_gain', {'factor': 1.5}, True),  # no part acts like a gauge
+    ],
+)
+def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_named(
+    monkeypatch, cause, parameters, is_named
+):
+    monkeypatch.setattr(diagnose, 'hold_out', lambda *_: SimpleNamespace(**GAINED))
+    effect = Found(Proposal(cause, {}, parameters, 9e3), 0.99, {}, 9e3, ())
+    walked = SimpleNamespace(
+        found=(effect,), after=None,
+        before=SimpleNamespace(stage=SimpleNamespace(turned={})),
+    )  # fmt: skip
+    rest = SimpleNamespace(significant=False, explained=1.0, above=0.0)
+    rows, _ = diagnose.settle(None, walked, rest, 0)
+    assert (rows[0][1] >= diagnose.NAMED) == is_named

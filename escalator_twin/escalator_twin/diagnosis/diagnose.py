@@ -34,9 +34,8 @@ from escalator_twin.threads import one_thread_each
 ENOUGH = 0.5  # of the energy above the floor that the effects must account for to be named
 NAMED = 0.5  # probability from which an effect is told as accepted
 SMALL = 0.1  # of the largest effect's fall of chi squared
-DOUBT = (
-    0.45  # of the probability of such a one, where much stays unexplained, or of a size far out
-)
+# Of the probability of such a one, where much stays unexplained, or of a size far out.
+DOUBT = 0.45
 REFUSED = 0.3  # of the probability, where nothing is gained held out or a channel becomes worse
 Progress = Callable[[float, float], None]
 STAGES = 10.0
@@ -185,9 +184,8 @@ def settle(
         small = found.gain < SMALL * largest and found.proposal.cause not in ONE_GAUGE
         # beside a larger remainder that nothing explains, a small further effect may be a part of it
         doubt = DOUBT if small and rest.significant and found.gain < rest.above else 1.0
-        if size_in_references(found.proposal) > FAR_SIZE:
-            doubt *= (
-                DOUBT  # nothing is left, but something else may act like this law, that far out
-            )
+        # nothing is left, but so far out something else may act like this law; a gauge's is exact
+        if of_machine(found.proposal) and size_in_references(found.proposal) > FAR_SIZE:
+            doubt *= DOUBT
         named.append((found, found.probability * factor * doubt))
     return named, held

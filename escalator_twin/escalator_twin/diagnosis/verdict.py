@@ -65,22 +65,23 @@ def size_in_tolerances(proposal: Proposal) -> float:
 
 
 def size_in_references(proposal: Proposal) -> float:
-    """Return how many times the largest reference of its cause a proposal's size is; 0 without one."""
+    """Return how many times the largest reference of its cause a proposal's size is; 0 without one.
+
+    Factors count by their logarithm.
+    """
     cause = KNOWN[proposal.cause]
-    found = [0.0]
+    times = [0.0]
     for parameter in cause.sizes:
-        neutral, name = parameter.neutral, parameter.name
+        name, neutral = parameter.name, parameter.neutral
         if neutral is None or not np.isfinite(neutral) or name not in proposal.parameters:
             continue
-        is_ratio = name == 'factor'
-
-        def way(value: float, neutral: float = neutral, is_ratio: bool = is_ratio) -> float:
-            return abs(log(max(value, 1e-3) / neutral)) if is_ratio else abs(value - neutral)
-
-        reference = max((way(r[name]) for r in cause.references if name in r), default=0.0)
-        if reference > 0.0:
-            found.append(way(proposal.parameters[name]) / reference)
-    return max(found)
+        references = [row[name] for row in cause.references if name in row]
+        ways = np.array([proposal.parameters[name], *references], float)
+        # a load factor of 0 is an empty step: no ratio
+        ways = np.log(np.maximum(ways, 1e-3) / neutral) if name == 'factor' else ways - neutral
+        if np.any(ways[1:]):
+            times.append(float(abs(ways[0]) / np.abs(ways[1:]).max()))
+    return max(times)
 
 
 RATIOS = {('drive_stiffness', 'factor'), ('link_stiffness', 'factor')}
