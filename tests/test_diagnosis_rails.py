@@ -86,3 +86,10 @@ def test_columns_hold_the_spread_of_the_signals():
     for change in changes[:4, :, :4].reshape(4, -1):
         sizes = np.linalg.lstsq(white, change, rcond=None)[0]
         assert np.std(change - white @ sizes) < 0.3 * np.std(change)
+
+
+def test_columns_do_not_hang_on_how_many_ran_at_a_time():
+    machine, experiment = trials.prototype(), trials.case()
+    frame = Frame.of(machine, 0.5)
+    one, three = (rail_columns(machine, experiment, frame, jobs) for jobs in (1, 3))
+    np.testing.assert_array_equal(one, three)

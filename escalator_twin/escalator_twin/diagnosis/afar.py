@@ -82,7 +82,7 @@ def _untuned(
     """Return a machine with deviations beside the recording, no tolerance turned."""
     if context.nominal is None or not deviations:
         return context.nominal
-    responses = tolerances_only(machine, context.setting.experiment, jobs)
+    responses = tolerances_only(machine, context.setting.experiment, jobs, context.begin)
     place = beside(replace(context, responses=responses, own=None), deviations, steps=0)
     return Nominal(place, responses)
 

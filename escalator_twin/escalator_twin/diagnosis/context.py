@@ -10,7 +10,7 @@ from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
-from escalator_twin.diagnosis.loops import Frame, LOCAL
+from escalator_twin.diagnosis.loops import Begin, Frame, LOCAL, Origin
 from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.observation import Observation, observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted
@@ -93,6 +93,11 @@ class Context:
     def frame(self) -> Frame:
         """The grid, at the recording's own speed."""
         return replace(self.responses.frame, speed_m_s=self.setting.experiment.set_speed_m_s)
+
+    @property
+    def begin(self) -> Begin:
+        """Where travel is counted from: every machine that is run beside the recording begins there."""
+        return Begin(self.setting.start_s_m, self.start_m)
 
 
 @dataclass(frozen=True)
@@ -225,13 +230,15 @@ def with_own_tolerances(
     turned: Mapping[str, float] | None = None,
     step: float = KNOB_STEP,
     with_rails: bool = True,
+    origin: Origin = None,
 ) -> Context:
     """Return the context whose tolerances act as in the machine with deviations.
 
     A deviation of one link, axle or step, or a wave of the drive, changes next to nothing of that and
     is left out: the rest is the same machine after every pitch, and quickly run.
     ``turned`` holds the tolerances that it has used up, standard deviations; ``step`` is by how
-    much more each is turned. Without rails, what these do is kept.
+    much more each is turned. Without rails, what these do is kept. ``origin`` is that of travel
+    (`simulate_loop`), ``begin`` without: that of this machine's own run beside the recording.
     """
     machine = apply(context.machine, tuple(d for d in deviations if d.cause not in LOCAL))
     experiment = context.setting.experiment
@@ -239,7 +246,10 @@ def with_own_tolerances(
         machine, experiment, knobs_of(machine, experiment), turned or {}
     )
     speed = context.responses.frame.speed_m_s
-    knobs = find_knobs(turned_machine, setting, speed, jobs, context.weak, step, with_rails)
+    knobs = find_knobs(
+        turned_machine, setting, speed, jobs, context.weak, step, with_rails,
+        context.begin if origin is None else origin,
+    )  # fmt: skip
     kept = {
         k: v for k, v in context.responses.knobs.items() if not (with_rails and k.startswith(RAIL))
     }

@@ -86,13 +86,34 @@ class Loop:
     rolled_m : float
         Way that a roller's tread covers in the loop, signed as travel.
     rack_m : float
-        Travel of the rack, positive as it moves, less travel of the loop.
+        Travel of the rack, positive as it moves, less travel of the loop; but for whole pitches.
     """
 
     columns: np.ndarray
     place_m: Floats
     rolled_m: float
     rack_m: float
+
+
+@dataclass(frozen=True)
+class Begin:
+    """Where a loop's travel is counted from: at some travel, axle 0 stands at a place.
+
+    A recording's run begins with axle 0 at a place. A machine with a longer landing, a longer chain or a
+    carriage that stands elsewhere comes there some millimetres of travel sooner or later.
+
+    Attributes
+    ----------
+    place_m : float
+        Path coordinate of axle 0.
+    travel_m : float
+    """
+
+    place_m: float
+    travel_m: float
+
+
+Origin = float | Begin | None  # the rack at no travel, an axle's place, or path coordinate 0
 
 
 def rack_shift(rack_m: float, reference_m: float, pitch_m: float) -> float:
@@ -141,9 +162,9 @@ def simulate_loop(
     frame: Frame,
     probes: np.ndarray,
     deviations: tuple[Deviation, ...] = (),
-    rack_m: float | None = None,
+    origin: Origin = None,
 ) -> Loop:
-    """Simulate one loop from path coordinate 0 and put it onto the grid.
+    """Simulate one loop, from about path coordinate 0 on, and put it onto the grid.
 
     Parameters
     ----------
@@ -154,9 +175,9 @@ def simulate_loop(
     probes : (k, 3) int64
     deviations : tuple of Deviation
         Beside those of the machine.
-    rack_m : float, optional
-        Of the loop that this one is to be compared with: travel is counted so that the rack's
-        dogs stand alike.
+    origin : float or Begin, optional
+        From where travel is counted: as in a loop with this ``rack_m``, so that the rack's dogs stand
+        alike; or as a recording's run begins.
     """
     machine = replace(machine, deviations=(*machine.deviations, *deviations))
     simulation = built(machine, experiment)
@@ -164,7 +185,7 @@ def simulate_loop(
     if is_uniform(simulation.parameters):
         pitch = record_pitch(simulation, RATE_HZ, PITCH_MARGIN_S)
         if pitch is not None:
-            return _tiled(pitch, frame, probes, rack_m)
+            return _tiled(pitch, frame, probes, origin)
         simulation = built(machine, experiment)
     speed = simulation.chain_speed_m_s
     simulation.start((-speed * MARGIN_S) % length)
@@ -177,20 +198,42 @@ def simulate_loop(
     grid = np.asarray(np.arange(frame.n_loop) * frame.spacing_m, np.float64)
     way = float(record[0, 1]) * simulation.dog_pitch
     rack = way * experiment.direction + abs(speed) * MARGIN_S
-    shift = 0.0
-    if rack_m is not None:
-        shift = rack_shift(rack, rack_m, frame.pitch_m)
-    where = ((grid - shift) / abs(speed) + MARGIN_S) * RATE_HZ
     unwrapped = np.unwrap(record[:, 0], period=length)
     unwrapped -= length * np.round(unwrapped[0] / length)
+    travel = (np.arange(len(unwrapped)) / RATE_HZ - MARGIN_S) * abs(speed)
+    shift = _shift(origin, rack, travel, unwrapped, length, frame.pitch_m)
+    where = ((grid - shift) / abs(speed) + MARGIN_S) * RATE_HZ
     seen = record[:, 2 : 3 + 5 * frame.n_links] if is_all else record[:, 2:]
     columns = between(band_limited(seen.astype(np.float32), RATE_HZ), where)
     return Loop(
         columns,
         np.interp(where, np.arange(len(unwrapped)), unwrapped),
         float(length * experiment.direction),
-        rack,
+        rack - shift,
     )
+
+
+def _shift(
+    origin: Origin,
+    rack_m: float,
+    travel_m: Floats,
+    place_m: Floats,
+    length_m: float,
+    pitch_m: float,
+) -> float:
+    """Return what is to be added to a loop's travel for it to be counted from an origin, m.
+
+    ``place_m`` is the path coordinate of axle 0, unwrapped, at ``travel_m``.
+    """
+    if origin is None:
+        return 0.0
+    if isinstance(origin, Begin):
+        direction = np.sign(place_m[-1] - place_m[0])
+        way = direction * place_m
+        target = way[0] + (direction * origin.place_m - way[0]) % length_m
+        here = float(np.interp(target, way, travel_m))
+        return rack_shift(origin.travel_m, here, pitch_m)
+    return rack_shift(rack_m, origin, pitch_m)
 
 
 def built(machine: Machine, experiment: Experiment) -> Simulation:
@@ -204,6 +247,7 @@ def simulate_rails(
     probes: np.ndarray,
     rails: Sequence[Floats],
     jobs: int = 1,
+    origin: Origin = None,
 ) -> list[np.ndarray]:
     """Simulate one loop with each of several small deviations of the rail.
 
@@ -219,6 +263,8 @@ def simulate_rails(
         What the guide has beyond its survey: m and its slope, see `Simulation.lay`.
     jobs : int
         Simulations at a time.
+    origin : float or Begin, optional
+        Of travel, see `simulate_loop`.
 
     Returns
     -------
@@ -230,29 +276,33 @@ def simulate_rails(
     first.start(0.0)
     kept = first.keep()
 
-    def runs(simulation: Simulation, rail: Floats | None, rack_m: float | None) -> Loop | None:
+    def runs(simulation: Simulation, rail: Floats | None, origin: Origin) -> Loop | None:
         simulation.back_to(kept)
         if rail is not None:
             simulation.lay(rail)
         pitch = record_pitch(simulation, RATE_HZ, PITCH_MARGIN_S, goes_on=True)
-        return None if pitch is None else _tiled(pitch, frame, probes, rack_m)
+        return None if pitch is None else _tiled(pitch, frame, probes, origin)
 
-    base = runs(first, None, None)
+    base = runs(first, None, origin)
     if base is None:
         return []
 
-    def some(part: Sequence[Floats]) -> list[np.ndarray]:
+    def some(part: Sequence[Floats]) -> list[np.ndarray | None]:
         simulation = built(machine, experiment)
         loops = (runs(simulation, rail, base.rack_m) for rail in part)
-        return [loop.columns - base.columns for loop in loops if loop is not None]
+        return [None if loop is None else loop.columns - base.columns for loop in loops]
 
     count = max(1, jobs)
     with ThreadPoolExecutor(count) as pool:
         parts = pool.map(some, [rails[k::count] for k in range(count)])
-    return [change for part in parts for change in part]
+    # in the rails' order, however many ran at a time: what follows must not hang on that
+    found: list[np.ndarray | None] = [None] * len(rails)
+    for k, part in enumerate(parts):
+        found[k::count] = part
+    return [change for change in found if change is not None]
 
 
-def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, rack_m: float | None) -> Loop:
+def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, origin: Origin) -> Loop:
     """Put the loop of a uniform machine together from one pitch of it."""
     times, places = pitch.places()
     n, d, period, length = pitch.n_links, pitch.direction, pitch.period_s, pitch.length_m
@@ -260,7 +310,8 @@ def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, rack_m: float | None)
     way = d * places
     begin = float(np.interp(way[0] + (-way[0]) % length, way, times)) % (n * period)
     rack = d * (pitch.rack_m + pitch.speed_m_s * begin)
-    shift = 0.0 if rack_m is None else rack_shift(rack, rack_m, frame.pitch_m)
+    travel = abs(pitch.speed_m_s) * (times - begin)
+    shift = _shift(origin, rack, travel, places, length, frame.pitch_m)
     first = begin - shift / abs(pitch.speed_m_s)
     # the grid's points lie at the same phases in every pitch
     grid = first + np.arange(frame.per_pitch) * (period / frame.per_pitch)
@@ -284,7 +335,7 @@ def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, rack_m: float | None)
     loops = np.floor(clock / (n * period))
     place = np.interp(clock - loops * n * period, times, places) + d * length * loops
     place -= length * np.round(place[0] / length)
-    return Loop(columns.reshape(frame.n_loop, -1), place, float(length * d), rack)
+    return Loop(columns.reshape(frame.n_loop, -1), place, float(length * d), rack - shift)
 
 
 def _all_columns(n: int, ahead: int) -> np.ndarray:

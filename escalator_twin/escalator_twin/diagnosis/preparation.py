@@ -45,7 +45,9 @@ def prepare(
     experiment = context.setting.experiment
     knobs = knobs_of(machine, experiment)
     turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
-    responses = find_responses(turned_machine, turned, context.responses.knobs, jobs, progress)
+    responses = find_responses(
+        turned_machine, turned, context.responses.knobs, jobs, progress, context.begin
+    )
     return replace(context, responses=responses, place=place, nominal=nominal)
 
 

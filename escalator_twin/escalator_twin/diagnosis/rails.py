@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from escalator_twin.diagnosis.loops import alike, Frame, sensor_probes, simulate_rails
+from escalator_twin.diagnosis.loops import alike, Frame, Origin, sensor_probes, simulate_rails
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics.path import build_path
 from escalator_twin.physics.survey import read_survey, spectrum_of, STEP_M
 from escalator_twin.signals import Experiment, Floats
 
-DRAWS = 40
+DRAWS = 80
 SEED = 20  # of the rails: the same for every recording
 SHORTEST_M = 0.04  # a roller of 80 mm does not follow shorter waves
 SEEN = 0.7  # of the sensors' noise over a loop: a direction that shows less is left out
@@ -68,7 +68,7 @@ def draw_rails(machine: Machine, count: int = DRAWS, seed: int = SEED) -> list[F
 
 
 def rail_columns(
-    machine: Machine, experiment: Experiment, frame: Frame, jobs: int = 1
+    machine: Machine, experiment: Experiment, frame: Frame, jobs: int = 1, origin: Origin = None
 ) -> np.ndarray:
     """Return what the open part of the rail does to the channels, as columns of unit variance.
 
@@ -81,6 +81,8 @@ def rail_columns(
     frame : Frame
     jobs : int
         Simulations at a time.
+    origin : float or Begin, optional
+        Of travel, see `simulate_loop`.
 
     Returns
     -------
@@ -93,7 +95,7 @@ def rail_columns(
         return np.zeros((frame.n_loop, len(sensors), 0), np.float32)
     seen = sensor_probes(sensors, machine.chain.n_links)
     machine, experiment = alike(machine, replace(experiment, set_speed_m_s=frame.speed_m_s))
-    found = simulate_rails(machine, experiment, frame, seen, rails, jobs)
+    found = simulate_rails(machine, experiment, frame, seen, rails, jobs, origin)
     if not found:
         return np.zeros((frame.n_loop, len(sensors), 0), np.float32)
     changes = np.stack(found, axis=2) / np.float32(len(found) ** 0.5)

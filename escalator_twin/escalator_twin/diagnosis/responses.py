@@ -10,7 +10,14 @@ import numpy as np
 
 from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of
-from escalator_twin.diagnosis.loops import all_probes, Frame, Loop, sensor_probes, simulate_loop
+from escalator_twin.diagnosis.loops import (
+    all_probes,
+    Frame,
+    Loop,
+    Origin,
+    sensor_probes,
+    simulate_loop,
+)
 from escalator_twin.diagnosis.rails import rail_columns
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics import run
@@ -118,6 +125,7 @@ def find_responses(
     knobs: dict[str, Columns],
     jobs: int = 1,
     progress: Progress | None = None,
+    origin: Origin = None,
 ) -> Responses:
     """Simulate one loop for every cause.
 
@@ -132,10 +140,12 @@ def find_responses(
         Simulations at a time.
     progress : callable, optional
         Gets (done, total) in simulations.
+    origin : float or Begin, optional
+        Of travel, see `simulate_loop`.
     """
     frame = Frame.of(machine, experiment.set_speed_m_s)
     every = all_probes()
-    base = simulate_loop(machine, experiment, frame, every)
+    base = simulate_loop(machine, experiment, frame, every, origin=origin)
     is_loaded = max(experiment.load_per_step_kg) > 0.0
     tasks: dict[object, Callable[[], Columns]] = {}
 
@@ -218,12 +228,14 @@ def find_far(
     )
 
 
-def tolerances_only(machine: Machine, experiment: Experiment, jobs: int = 1) -> Responses:
+def tolerances_only(
+    machine: Machine, experiment: Experiment, jobs: int = 1, origin: Origin = None
+) -> Responses:
     """Return responses with tolerances alone: all that fitting the nuisance needs."""
     speed = experiment.set_speed_m_s
     frame = Frame.of(machine, speed)
-    base = simulate_loop(machine, experiment, frame, all_probes())
-    knobs = find_knobs(machine, experiment, speed, jobs)
+    base = simulate_loop(machine, experiment, frame, all_probes(), origin=origin)
+    knobs = find_knobs(machine, experiment, speed, jobs, origin=base.rack_m)
     empty = np.zeros((0, 0), np.complex64)
     return Responses(
         frame, base, knobs, {}, {}, empty, {}, {}, machine.roller.diameter_m / 2.0
@@ -238,16 +250,17 @@ def find_knobs(
     left_out: Container[str] = (),
     step: float = KNOB_STEP,
     with_rails: bool = True,
+    origin: Origin = None,
 ) -> dict[str, Columns]:
     """Simulate one loop for every tolerance of a machine with its deviations, and for its rail.
 
     A deviation that moves a resonance changes what the tolerances do. ``step``, in standard
-    deviations, is the tolerances' difference.
+    deviations, is the tolerances' difference; ``origin`` is that of travel, see `simulate_loop`.
     """
     frame = Frame.of(machine, speed_m_s)
     experiment = replace(experiment, set_speed_m_s=speed_m_s)
     seen = sensor_probes(machine.instruments.sensors, machine.chain.n_links)
-    base = simulate_loop(machine, experiment, frame, seen)
+    base = simulate_loop(machine, experiment, frame, seen, origin=origin)
     shaken = [is_shaken(sensor) for sensor in machine.instruments.sensors]
 
     def task(knob: Knob) -> Callable[[], Columns]:
@@ -265,7 +278,7 @@ def find_knobs(
     columns = {knob.name: found[knob.name] for knob in knobs}
     if not with_rails:
         return columns
-    rails = rail_columns(machine, experiment, frame, jobs)
+    rails = rail_columns(machine, experiment, frame, jobs, base.rack_m)
     return {
         **columns,
         **{f'{RAIL}{k}': rails[:, :, k] for k in range(rails.shape[2])},

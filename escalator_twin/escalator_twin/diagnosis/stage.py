@@ -61,6 +61,11 @@ class Stage:
         return build_path(self.machine.guide).length_m
 
     @property
+    def origin(self) -> float:
+        """From where travel is counted in every run of this stage, see `simulate_loop`."""
+        return self.setting.experiment.direction * self.rack_m - self.observation.start_m
+
+    @property
     def tolerances(self) -> dict[str, float]:
         """One standard deviation of every tolerance that a cause's parameter may stand for."""
         return {

@@ -101,7 +101,7 @@ class _Search:
         # what is held has no column beside the recording, see `_beside`
         context = replace(self.context, weak=self.context.weak | set(self.held))
         near = with_own_tolerances(
-            context, self.deviations, self.jobs, turned, NEAR, with_rails=False
+            context, self.deviations, self.jobs, turned, NEAR, False, self.lean.origin
         )
         stage = replace(self.lean, turned=dict(turned))
         return _beside(near, self.place, stage, self.held, self.free, cut_hz)
