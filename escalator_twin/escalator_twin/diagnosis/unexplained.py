@@ -19,6 +19,9 @@ SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordin
 # How rollers rattle is another matter in another maker's program: of the logarithm of chi squared of a
 # step's x and z, one standard deviation; a good machine of another maker (labelled) is 2 of them up.
 RATTLE_SD = 0.25
+# The same of all other channels: the floor's half that is not noise is how far one maker's program is from the
+# twin, and another's is some percent nearer or farther; forces of the labelled good machines are 4 to 12 % up.
+MAKER_SD = 0.05
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
@@ -64,7 +67,7 @@ def clean_of(place: Beside, floor: Floor) -> tuple[Floats, Floats]:
     whole = floor.clean or (CLEAN_LOG, CLEAN_SD)
     rows = np.array([floor.clean_kinds.get(kind, whole) for kind in kinds])
     shaken = [is_shaken(instruments.sensor(c)) for c in place.stage.observation.channels]
-    return rows[:, 0], np.hypot(rows[:, 1], np.where(shaken, RATTLE_SD, 0.0))
+    return rows[:, 0], np.hypot(rows[:, 1], np.where(shaken, RATTLE_SD, MAKER_SD))
 
 
 def is_open(place: Beside, floor: Floor) -> bool:
