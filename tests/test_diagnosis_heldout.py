@@ -263,6 +263,23 @@ def test_only_a_channel_that_an_effect_acts_on_becomes_worse_by_it():
     assert told == [(CHANNELS[TENSIONER],), ()]
 
 
+def test_a_channel_is_no_worse_by_waves_that_only_the_floor_makes_large():
+    measured, base = recorded()
+    stage = stage_of(measured, base)
+    weight = stage.whiten.weight.copy()
+    weight[len(weight) // 2 :] *= 30.0
+    stage = replace(stage, whiten=replace(stage.whiten, weight=weight))
+    plain = measured - base
+    wave = 0.15 * spread() * np.sin(2.0 * np.pi * 0.3 * np.arange(N))[:, None]
+    folds, split = folds_of(stage, [EVERYWHERE])
+    every = np.ones(len(CHANNELS), bool)
+    told = []
+    for size in (1.0, 20.0):
+        seen = [(slice(*b), plain, plain + size * wave) for blocks in folds for b in blocks]
+        told.append(scored(stage, seen, split, 1, every, every).worse)
+    assert told[0] == () and set(told[1]) == set(CHANNELS)
+
+
 def test_a_zero_that_has_moved_later_does_not_drown_the_gain():
     measured, base = recorded()
     force = int(np.flatnonzero(FORCES)[1])
