@@ -11,7 +11,8 @@ import trials
 
 from escalator_twin import bagfile
 from escalator_twin.causes.application import apply
-from escalator_twin.diagnosis.afar import at_the_edge, look_afar
+from escalator_twin.diagnosis import afar as afar_module
+from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide
 from escalator_twin.diagnosis.context import beside, Nominal
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
@@ -85,6 +86,24 @@ def test_a_tolerance_at_its_edge_proposes_its_cause_as_large_as_it_was_turned():
     assert landing.parameters['delta_m'] == pytest.approx(-2.1e-3)
     turned['guide.upper_landing_m'] = 1.9
     assert [e.cause for e in at_the_edge([LANDING, SPRING], tuned)] == ['tensioner_stiffness']
+
+
+@pytest.mark.parametrize(
+    ('known', 'is_open', 'turned', 'may'),
+    [
+        ([], False, 0.0, True),
+        ([LANDING], True, 0.0, True),
+        ([LANDING], False, -2.1, True),
+        ([LANDING], False, 1.9, False),
+    ],
+    ids=['first', 'left', 'edge', 'neither'],
+)
+def test_beside_known_effects_tolerances_hide_one_only_at_their_edge_or_where_more_is_left(
+    monkeypatch, known, is_open, turned, may
+):
+    monkeypatch.setattr(afar_module, 'is_open', lambda *_: is_open)
+    place = SimpleNamespace(stage=SimpleNamespace(turned={'chain.mass': turned}))
+    assert may_hide(place, None, known) is may
 
 
 @pytest.fixture(scope='module')

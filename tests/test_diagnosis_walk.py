@@ -38,7 +38,7 @@ def walked(monkeypatch):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(module, 'is_open', lambda *_: is_open)
         monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
-        monkeypatch.setattr(module, 'look_afar', lambda *_: None)
+        monkeypatch.setattr(module, 'may_hide', lambda *_: False)
         bench = Bench(
             propose, attempt, again, lambda place, _: place, lambda *_: None, lambda *_: {}
         )

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.context import Beside, beside, Context, Nominal
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import taken_over
@@ -17,6 +18,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.responses import find_far, tolerances_only
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
+from escalator_twin.diagnosis.unexplained import is_open, SIGMAS
 from escalator_twin.diagnosis.view import View
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation, Machine
@@ -85,6 +87,16 @@ def _untuned(
     responses = tolerances_only(machine, context.setting.experiment, jobs, context.begin)
     place = beside(replace(context, responses=responses, own=None), deviations, steps=0)
     return Nominal(place, responses)
+
+
+def may_hide(place: Beside, floor: Floor, known: Sequence[Proposal]) -> bool:
+    """Tell whether the tolerances may have taken an effect's place.
+
+    Beside known effects they have not where no more is left than in a good machine, and none of them is
+    at its edge.
+    """
+    turned = place.stage.turned.values()
+    return not known or is_open(place, floor, SIGMAS) or max(map(abs, turned), default=0.0) >= EDGE
 
 
 def at_the_edge(proposals: Sequence[Proposal], tuned: Beside) -> tuple[Proposal, ...]:

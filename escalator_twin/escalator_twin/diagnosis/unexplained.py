@@ -70,10 +70,10 @@ def clean_of(place: Beside, floor: Floor) -> tuple[Floats, Floats]:
     return rows[:, 0], np.hypot(rows[:, 1], np.where(shaken, RATTLE_SD, MAKER_SD))
 
 
-def is_open(place: Beside, floor: Floor) -> bool:
+def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
     """Tell whether any channel holds more than a good machine's usually does."""
     level, scatter = clean_of(place, floor)
-    return bool((by_channel(place) > np.exp(level + OPEN_SIGMAS * scatter)).any())
+    return bool((by_channel(place) > np.exp(level + sigmas * scatter)).any())
 
 
 def excess_of(place: Beside, floor: Floor) -> float:

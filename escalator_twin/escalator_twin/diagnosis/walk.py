@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from escalator_twin.diagnosis.afar import at_the_edge, look_afar, MOST_EDGES
+from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
@@ -122,7 +122,7 @@ def walk(
         proposals = [
             p for p in bench.propose(context, place, jobs) if not _is_known_fault(p, known)
         ]
-        afar = look_afar(context, jobs, known)
+        afar = look_afar(context, jobs, known) if may_hide(place, context.floor, known) else None
         if afar is not None:
             # beside nothing known, whatever is wrong turns any tolerance to its edge
             edges = at_the_edge(afar.proposals, place)[:MOST_EDGES] if known else ()
