@@ -143,3 +143,18 @@ def test_tolerances_act_on_a_longer_loop_where_a_run_beside_the_recording_has_th
         )
         column = near.responses.knobs[name][stage.observation.index % frame.n_loop]
         assert alike(column, change) > 0.99
+
+
+@pytest.mark.parametrize('direction', [1, -1], ids=['up', 'down'])
+@pytest.mark.parametrize('others', [(), (DRAG,)], ids=['one pitch for all', 'at length'])
+def test_a_loop_begins_where_a_recording_does(direction, others):
+    stage = stage_with(LANDING, *others, direction=direction)
+    frame, start = stage.observation.frame, stage.observation.start_m
+    seen = sensor_probes(SENSORS, frame.n_links)
+    experiment = stage.setting.experiment
+    loop = simulate_loop(stage.machine, experiment, frame, seen, origin=Begin(START_M, start))
+    place = np.interp(start, np.arange(frame.n_loop) * frame.spacing_m, loop.place_m)
+    assert place % abs(loop.rolled_m) == pytest.approx(START_M, abs=1e-3)
+    assert rack_shift(loop.rack_m, stage.origin, frame.pitch_m) == pytest.approx(0.0, abs=1e-3)
+    again = simulate_loop(stage.machine, experiment, frame, seen, origin=loop.rack_m)
+    np.testing.assert_allclose(again.columns, loop.columns, atol=0.05)

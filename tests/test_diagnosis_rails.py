@@ -93,3 +93,20 @@ def test_columns_do_not_hang_on_how_many_ran_at_a_time():
     frame = Frame.of(machine, 0.5)
     one, three = (rail_columns(machine, experiment, frame, jobs) for jobs in (1, 3))
     np.testing.assert_array_equal(one, three)
+
+
+def test_a_rail_is_left_out_of_no_steady_machine():
+    """Laid under the running machine, it shakes the carriage, which must have swung out."""
+    machine, experiment = alike(
+        trials.prototype(), trials.case(speed=0.48, load=0.0, preload=6000.0)
+    )
+    frame = Frame.of(machine, experiment.set_speed_m_s)
+    seen = sensor_probes(machine.instruments.sensors, frame.n_links)
+    rails = draw_rails(machine, 12)
+    changes = simulate_rails(machine, experiment, frame, seen, rails, 2)
+    assert len(changes) == len(rails)
+    # a tenth of a rail does a tenth of it
+    tenth = simulate_rails(machine, experiment, frame, seen, [0.1 * rails[0]])[0]
+    forces = slice(0, 4)
+    apart = 10.0 * tenth[:, forces] - changes[0][:, forces]
+    assert np.std(apart) < 0.1 * np.std(changes[0][:, forces])
