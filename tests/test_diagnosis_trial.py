@@ -43,3 +43,19 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(monkeypat
     with ThreadPoolExecutor(1) as pool:
         trial._tried_afar(None, afar, place, [FRICTION], pool, 1, 1e4)
     assert done == fitted
+
+
+@pytest.mark.parametrize(
+    ('cause', 'is_open', 'is_closed'),
+    [('roller_drag', False, True), ('roller_drag', True, False), ('guide_step', False, False)],
+)
+def test_an_effect_of_one_axle_that_leaves_nothing_needs_no_rival_from_afar(
+    monkeypatch, cause, is_open, is_closed
+):
+    monkeypatch.setattr(trial, 'is_open', lambda *_: is_open)
+    fit = SimpleNamespace(place=None)
+    first = Tried(Proposal(cause, {}, {}, 900.0), 900.0, {}, fit)
+    second = Tried(Proposal('guide_step', {}, {}, 30.0), 30.0, {}, fit)
+    unfitted = Tried(Proposal('step_mass', {}, {}, 2000.0), 2000.0, {}, None)
+    assert trial.is_closed([second, first, unfitted], None) is is_closed
+    assert not trial.is_closed([unfitted], None)

@@ -8,6 +8,7 @@ from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import approached, fitted_beside, of_machine_among, plain
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.loops import LOCAL
@@ -91,13 +92,24 @@ def try_all(
         leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
         fitted_again = _fitted_all(context, place, known, leading, jobs)
         fitted_again += _other_sides(place, known, refined, fitted_again, jobs)
-        if afar is not None:
+        if afar is not None and not is_closed(fitted_again, context.floor):
             best = max((t.gain for t in fitted_again), default=0.0)
             level = place.stage.judged(place.fitted) - best
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = sorted(locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
+
+
+def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
+    """Tell whether an effect of one link, axle or step leaves no more than a good machine does.
+
+    What the whole machine may have is of another form, and cannot do as well.
+    """
+    best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
+    if best is None or best.polished is None or best.proposal.cause not in LOCAL:
+        return False
+    return not is_open(best.polished.place, floor)
 
 
 def _fitted_all(
