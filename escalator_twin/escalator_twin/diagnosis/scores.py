@@ -32,8 +32,8 @@ class HeldOut:
         95 % interval, over blocks, of the relative fall of the squared residual.
     significant : bool
     worse : tuple of str
-        Channels whose residual's amplitude rises by more than 2 %: as it is, 0 to 20 Hz. Over the floor, waves far
-        below a gauge's noise would weigh most.
+        Channels whose residual's amplitude rises by more than 2 %, both as it is, 0 to 20 Hz, and over the floor:
+        the one alone may be waves of which the twin knows nothing, the other waves far below the noise.
     """
 
     split: str
@@ -118,12 +118,17 @@ def scored(
         channels[channel] = _channel(joined, own)
     rng = np.random.default_rng(seed)
     picks = rng.integers(0, len(seen), (DRAWS, len(seen)))
-    low_gain, high_gain = _interval(energy[picks].sum(axis=(1, 3)))
-    drawn = plainly[picks].sum(axis=1)
+    drawn = energy[picks].sum(axis=1)
+    as_it_is = plainly[picks].sum(axis=1)
+    low_gain, high_gain = _interval(drawn.sum(axis=2))
     worse = [
         channel
         for k, channel in enumerate(observation.channels)
-        if channel in channels and channels_used[k] and acted_on[k] and _is_worse(drawn[:, :, k])
+        if channel in channels
+        and channels_used[k]
+        and acted_on[k]
+        and _is_worse(drawn[:, :, k])
+        and _is_worse(as_it_is[:, :, k])
     ]
     return HeldOut(split, len(seen), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
 
