@@ -19,8 +19,8 @@ SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordin
 # How rollers rattle is another matter in another maker's program: of the logarithm of chi squared of a
 # step's x and z, one standard deviation; a good machine of another maker (labelled) is 2 of them up.
 RATTLE_SD = 0.25
-# The same of all other channels: the floor's half that is not noise is how far one maker's program is from the
-# twin, and another's is some percent nearer or farther; forces of the labelled good machines are 4 to 12 % up.
+# The same of all other channels: another maker's program is some percent nearer to the twin or farther. Not
+# derived: chosen where two labelled good machines, whose forces lie 1 to 12 % up, are no longer flagged.
 MAKER_SD = 0.05
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3

@@ -21,7 +21,7 @@ Turn = TypeVar('Turn', int, np.ndarray)
 
 LEAD_PITCHES = 2  # run before the pitch that is kept, beyond what every start settles
 # The same where a running machine goes on over another rail: the carriage swings that out in seconds, and
-# at 0.5 m/s one of ten rails of tests/test_diagnosis_rails.py was not steady yet after two pitches.
+# at 0.48 m/s four of forty rails were not steady yet after two pitches (tests/test_diagnosis_rails.py).
 LEAD_S = 3.3
 SAME = (
     0.02  # of the carriage's motion: two pitches that differ by more are not one another's image
