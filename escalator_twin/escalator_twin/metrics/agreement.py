@@ -1,5 +1,6 @@
 """Point-by-point agreement of two signals on one grid, in time and in their spectra."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -20,18 +21,60 @@ def deviation(values: Floats) -> float:
     return float(np.sqrt(inner(less, less) / len(less)))
 
 
+@dataclass(frozen=True, slots=True)
+class Products:
+    """Sums of products of two signals less their means: what point-by-point scores are made of.
+
+    Attributes
+    ----------
+    measured, simulated : float
+        Of each with itself, its unit squared; exactly 0 where it is constant.
+    shared : float
+        Of one with the other.
+    difference : float
+        Of measured less simulated with itself.
+    n : int
+        Samples.
+    """
+
+    measured: float
+    simulated: float
+    shared: float
+    difference: float
+    n: int
+
+    @property
+    def correlation(self) -> float | None:
+        """Pearson's correlation; `None` where one signal is constant."""
+        scale = np.sqrt(self.measured) * np.sqrt(self.simulated)
+        return float(np.clip(self.shared / scale, -1.0, 1.0)) if scale > 0.0 else None
+
+    @property
+    def nrmse(self) -> float | None:
+        """Root mean square difference over the measured deviation; `None` where that is 0."""
+        if not self.measured > 0.0:
+            return None
+        return float(np.sqrt(self.difference / self.measured))
+
+
+def products(measured: Floats, simulated: Floats) -> Products:
+    """Return the sums of products of two signals (n,); all 0 for fewer than two samples."""
+    n = len(measured)
+    if n < 2:
+        return Products(0.0, 0.0, 0.0, 0.0, n)
+    m, s = centred(measured), centred(simulated)
+    own, other, shared = inner(m, m), inner(s, s), inner(m, s)
+    # by itself: from the other three it would be the small difference of large numbers
+    difference = m - s
+    return Products(own, other, shared, inner(difference, difference), n)
+
+
 def correlation(measured: Floats, simulated: Floats) -> float | None:
     """Return Pearson's correlation of two signals (n,), unitless.
 
     ``None`` where one of them is constant or fewer than two samples are there.
     """
-    if len(measured) < 2:
-        return None
-    m, s = centred(measured), centred(simulated)
-    scale = np.sqrt(inner(m, m)) * np.sqrt(inner(s, s))
-    if not scale > 0.0:
-        return None
-    return float(np.clip(inner(m, s) / scale, -1.0, 1.0))
+    return products(measured, simulated).correlation
 
 
 def nrmse(measured: Floats, simulated: Floats) -> float | None:
@@ -39,14 +82,7 @@ def nrmse(measured: Floats, simulated: Floats) -> float | None:
 
     Means are removed first. ``None`` where the measured signal (n,) is constant.
     """
-    if len(measured) < 2:
-        return None
-    m = centred(measured)
-    scale = inner(m, m)
-    if not scale > 0.0:
-        return None
-    difference = m - centred(simulated)
-    return float(np.sqrt(inner(difference, difference) / scale))
+    return products(measured, simulated).nrmse
 
 
 def amplitude_spectrum(values: Floats, rate_hz: float, up_to_hz: float) -> Floats:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from escalator_twin.errors import SynchronisationError
+from escalator_twin.metrics.agreement import Products, products
 from escalator_twin.metrics.filters import (
     bridge,
     centred,
@@ -97,6 +98,26 @@ class Bands:
         return _less(self.band_kept, self.ripple_kept)
 
     @cached_property
+    def low_products(self) -> Products:
+        """Of `low_kept`."""
+        return products(*self.low_kept)
+
+    @cached_property
+    def band_products(self) -> Products:
+        """Of `band_kept`."""
+        return products(*self.band_kept)
+
+    @cached_property
+    def ripple_products(self) -> Products:
+        """Of `ripple_kept`."""
+        return products(*self.ripple_kept)
+
+    @cached_property
+    def trend_products(self) -> Products:
+        """Of `trend_kept`."""
+        return products(*self.trend_kept)
+
+    @cached_property
     def low_twice(self) -> Pair:
         """`low` of the measurement at the same places, one loop apart."""
         return self._twice(self.low.measured[:: self.track.step])
@@ -110,6 +131,21 @@ class Bands:
     def trend_twice(self) -> Pair:
         """The trend of the measurement at the same places, one loop apart."""
         return _less(self._twice(self.band.measured), self.ripple_twice)
+
+    @cached_property
+    def low_twice_products(self) -> Products:
+        """Of `low_twice`."""
+        return products(*self.low_twice)
+
+    @cached_property
+    def ripple_twice_products(self) -> Products:
+        """Of `ripple_twice`."""
+        return products(*self.ripple_twice)
+
+    @cached_property
+    def trend_twice_products(self) -> Products:
+        """Of `trend_twice`."""
+        return products(*self.trend_twice)
 
     def _twice(self, thin: Floats) -> Pair:
         """Return ``thin``, every ``track.step``-th sample, at the track's pairs of passages."""

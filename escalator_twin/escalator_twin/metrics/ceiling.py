@@ -1,6 +1,5 @@
 """The noise ceiling: how well the measurement agrees with itself, one loop later."""
 
-from escalator_twin.metrics.agreement import correlation
 from escalator_twin.metrics.bands import Bands
 
 LEAST_SHARE = 0.25  # of a loop that must have been passed twice
@@ -20,14 +19,14 @@ def ceiling_r_time(bands: Bands) -> float | None:
     reaches about the square root of it. ``None`` where less than a quarter of a loop was
     passed twice.
     """
-    return None if ceiling_share(bands) is None else correlation(*bands.low_twice)
+    return None if ceiling_share(bands) is None else bands.low_twice_products.correlation
 
 
 def ripple_ceiling(bands: Bands) -> float | None:
     """Return the same as `ceiling_r_time` for the ripple."""
-    return None if ceiling_share(bands) is None else correlation(*bands.ripple_twice)
+    return None if ceiling_share(bands) is None else bands.ripple_twice_products.correlation
 
 
 def trend_ceiling(bands: Bands) -> float | None:
     """Return the same as `ceiling_r_time` for the trend."""
-    return None if ceiling_share(bands) is None else correlation(*bands.trend_twice)
+    return None if ceiling_share(bands) is None else bands.trend_twice_products.correlation

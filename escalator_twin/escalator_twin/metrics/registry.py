@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 from escalator_twin.metrics.agreement import (
     correlation,
-    nrmse,
     spectrum_correlation,
     SPECTRUM_SAMPLES,
 )
@@ -71,9 +70,9 @@ def _orders(bands: Bands) -> list[Values]:
 def _share_of_ceiling(bands: Bands) -> Values:
     """Return the correlations as shares of what the measurement reaches against itself."""
     return {
-        'r_time': _share(correlation(*bands.low_kept), ceiling_r_time(bands)),
-        'ripple_r': _share(correlation(*bands.ripple_kept), ripple_ceiling(bands)),
-        'trend_r': _share(correlation(*bands.trend_kept), trend_ceiling(bands)),
+        'r_time': _share(bands.low_products.correlation, ceiling_r_time(bands)),
+        'ripple_r': _share(bands.ripple_products.correlation, ripple_ceiling(bands)),
+        'trend_r': _share(bands.trend_products.correlation, trend_ceiling(bands)),
     }
 
 
@@ -93,31 +92,31 @@ def _share(score: float | None, ceiling: float | None) -> float | None:
 
 METRICS: dict[str, Metric] = {
     # contracts.md, JSON of `compare`
-    'r_time': lambda bands: correlation(*bands.low_kept),
+    'r_time': lambda bands: bands.low_products.correlation,
     'r_freq': _r_freq,
-    'nrmse': lambda bands: nrmse(*bands.low_kept),
+    'nrmse': lambda bands: bands.low_products.nrmse,
     'lag_s': _lag_s,
     'ceiling_r_time': ceiling_r_time,
     'ceiling_share': ceiling_share,
-    'ripple_r': lambda bands: correlation(*bands.ripple_kept),
-    'ripple_nrmse': lambda bands: nrmse(*bands.ripple_kept),
+    'ripple_r': lambda bands: bands.ripple_products.correlation,
+    'ripple_nrmse': lambda bands: bands.ripple_products.nrmse,
     'ripple_ceiling': ripple_ceiling,
     'orders': _orders,
     # accelerations below 0.2 Hz, Cano-Moreno et al., section V.B
     'r_time_slow': lambda bands: correlation(*bands.slow),
     # 20 Hz low-pass, as `nrmse_band_*` of `diagnose`
-    'r_band': lambda bands: correlation(*bands.band_kept),
-    'nrmse_band': lambda bands: nrmse(*bands.band_kept),
+    'r_band': lambda bands: bands.band_products.correlation,
+    'nrmse_band': lambda bands: bands.band_products.nrmse,
     # mean, trend and ripple apart; a mean is an instrument's zero and no agreement
     'mean_difference': lambda bands: bands.mean[1] - bands.mean[0],
-    'trend_r': lambda bands: correlation(*bands.trend_kept),
-    'trend_nrmse': lambda bands: nrmse(*bands.trend_kept),
+    'trend_r': lambda bands: bands.trend_products.correlation,
+    'trend_nrmse': lambda bands: bands.trend_products.nrmse,
     'trend_ceiling': trend_ceiling,
     # scores as shares of what the measurement reaches against itself
     'share_of_ceiling': _share_of_ceiling,
     # standard scores, signals below 2 Hz
-    'sprague_geers': lambda bands: sprague_geers(*bands.low_kept),
-    'theil': lambda bands: theil(*bands.low_kept),
+    'sprague_geers': lambda bands: sprague_geers(bands.low_products),
+    'theil': lambda bands: theil(bands.low_products),
     'area_metric': _area_metric,
     'iso_18571': iso_18571,
 }

@@ -1,12 +1,13 @@
-"""Standard scores of model validation, each on two signals (n,) whose means are removed."""
+"""Standard scores of model validation, of two signals whose means are removed."""
 
 import numpy as np
 
-from escalator_twin.metrics.filters import centred, inner
+from escalator_twin.metrics.agreement import Products
+from escalator_twin.metrics.filters import centred
 from escalator_twin.signals import Floats
 
 
-def sprague_geers(measured: Floats, simulated: Floats) -> dict[str, float | None]:
+def sprague_geers(products: Products) -> dict[str, float | None]:
     """Return magnitude, phase and comprehensive error of Sprague and Geers, unitless.
 
     M = sqrt(ss / mm) - 1, P = arccos(ms / sqrt(mm ss)) / pi, C = sqrt(M**2 + P**2), with
@@ -14,18 +15,16 @@ def sprague_geers(measured: Floats, simulated: Floats) -> dict[str, float | None
     are 0 for equal signals; M keeps its sign, positive where the simulation is larger.
     Keys ``magnitude``, ``phase``, ``comprehensive``; ``None`` where one signal is constant.
     """
-    m, s = centred(measured), centred(simulated)
-    mm, ss, ms = inner(m, m), inner(s, s), inner(m, s)
-    if not min(mm, ss) > 0.0:
+    cosine = products.correlation
+    if cosine is None:
         return dict.fromkeys(('magnitude', 'phase', 'comprehensive'))
-    magnitude = float(np.sqrt(ss / mm)) - 1.0
-    cosine = ms / (np.sqrt(mm) * np.sqrt(ss))
-    phase = float(np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi)
+    magnitude = float(np.sqrt(products.simulated / products.measured)) - 1.0
+    phase = float(np.arccos(cosine) / np.pi)
     comprehensive = float(np.hypot(magnitude, phase))
     return {'magnitude': magnitude, 'phase': phase, 'comprehensive': comprehensive}
 
 
-def theil(measured: Floats, simulated: Floats) -> dict[str, float | None]:
+def theil(products: Products) -> dict[str, float | None]:
     """Return Theil's inequality coefficient and its shares of variance and covariance.
 
     U = rms(m - s) / (rms(m) + rms(s)), 0 for equal and 1 for opposite signals; of the mean
@@ -34,18 +33,13 @@ def theil(measured: Floats, simulated: Floats) -> dict[str, float | None]:
     is no share of bias. Keys ``coefficient``, ``variance``, ``covariance``; ``None`` where both
     signals are constant; the shares are 0 for equal signals.
     """
-    undefined: dict[str, float | None] = dict.fromkeys(('coefficient', 'variance', 'covariance'))
-    if len(measured) < 2:
-        return undefined
-    m, s = centred(measured), centred(simulated)
-    sd_m, sd_s = np.sqrt(np.mean(m * m)), np.sqrt(np.mean(s * s))
-    if not sd_m + sd_s > 0.0:
-        return undefined
-    squared = float(np.mean((m - s) ** 2))
-    coefficient = float(np.sqrt(squared) / (sd_m + sd_s))
-    if squared == 0.0:
+    rms_m, rms_s = np.sqrt(products.measured), np.sqrt(products.simulated)
+    if not rms_m + rms_s > 0.0:
+        return dict.fromkeys(('coefficient', 'variance', 'covariance'))
+    coefficient = float(np.sqrt(products.difference) / (rms_m + rms_s))
+    if products.difference == 0.0:
         return {'coefficient': coefficient, 'variance': 0.0, 'covariance': 0.0}
-    variance = float(np.clip((sd_s - sd_m) ** 2 / squared, 0.0, 1.0))
+    variance = float(np.clip((rms_s - rms_m) ** 2 / products.difference, 0.0, 1.0))
     return {'coefficient': coefficient, 'variance': variance, 'covariance': 1.0 - variance}
 
 
