@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 import trials
 
 from escalator_twin.diagnosis.floor import (
@@ -160,11 +161,36 @@ def test_places_and_good_machines_are_kept_in_the_file(tmp_path):
     whole = Floor(
         {kind: {0.5: replace(level(1), spread=np.linspace(0.5, 2.0, CELLS))}},
         clean_kinds={kind: (-0.1, 0.2)},
+        machines=7,
     )
     path = tmp_path / 'some_floor.yaml'
     write_floor(path, whole, 'test')
     again = read_floor(path)
     assert again.clean_kinds == {kind: (-0.1, 0.2)}
+    assert again.machines == 7
     np.testing.assert_allclose(
         again.levels[kind][0.5].spread, whole.levels[kind][0.5].spread, rtol=5e-3
     )
+
+
+@pytest.mark.parametrize(('machines', 'sigmas'), [(4, 2.0), (12, 2.0), (12, 3.0), (40, 2.0)])
+def test_one_more_good_machine_passes_as_seldom_as_was_said(machines, sigmas):
+    # drawn: machines of one scatter, and one more that they do not know
+    rng = np.random.default_rng(machines)
+    known, more = rng.standard_normal((400_000, machines)), rng.standard_normal(400_000)
+    limit = known.mean(axis=1) + Floor({}, machines=machines).beyond(sigmas) * known.std(
+        axis=1, ddof=1
+    )
+    expected = stats.norm.sf(sigmas)
+    assert np.mean(more > limit) == pytest.approx(expected, abs=4.0 * np.sqrt(expected / 400_000))
+
+
+def test_a_floor_of_unknown_many_machines_counts_as_normal():
+    assert Floor({}).beyond(3.0) == 3.0
+
+
+def test_a_floor_of_one_machine_is_refused(tmp_path, floor):
+    path = tmp_path / 'some_floor.yaml'
+    write_floor(path, replace(floor, machines=1), 'test')
+    with pytest.raises(MachineError, match='machines: expected a number above 1, found 1'):
+        read_floor(path)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from escalator_twin.diagnosis import unexplained
+from escalator_twin.diagnosis.floor import Floor
 
 pytestmark = pytest.mark.issue(6)
 
@@ -22,9 +23,9 @@ def place(energy, chi2):
 def explained(monkeypatch):
     monkeypatch.setattr(unexplained, 'by_channel', lambda p: p.energy)
     monkeypatch.setattr(unexplained, 'clean_of', lambda *_: CLEAN)
-    monkeypatch.setattr(unexplained, 'excess_of', lambda *_: 200.0)
+    monkeypatch.setattr(unexplained, 'excess_of', lambda *_, shaken=False: 0.0 if shaken else 200.0)
     monkeypatch.setattr(unexplained, 'signature_of', lambda *_: {})
-    context = SimpleNamespace(floor=None)
+    context = SimpleNamespace(floor=Floor({}))
 
     def told(before, after):
         return unexplained.look(context, place(*before), place(*after)).explained

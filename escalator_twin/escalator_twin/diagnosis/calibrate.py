@@ -39,10 +39,12 @@ from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import by_channel
 from escalator_twin.diagnosis.walk import propose
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
+from escalator_twin.errors import MachineError
 from escalator_twin.machine import load_machine, Machine, Sensor
 from escalator_twin.signals import Floats
 
 SPEEDS_M_S = (0.25, 0.5)  # of the levels: those of the experiment plan
+LEAST_MACHINES = 3  # fewer have no scatter to speak of
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ class Good:
     chi2: dict[str, float]
 
 
-def beside_floor(path: str, machine: Machine, floor: Floor) -> Good:
+def beside_floor(path: str, floor: Floor, machine: Machine) -> Good:
     """Look at a recording of a good machine as diagnosis would, beside a floor."""
     context = prepare(bagfile.read(path, machine), machine, floor)
     place = context.place
@@ -146,31 +148,49 @@ def beside_floor(path: str, machine: Machine, floor: Floor) -> Good:
     return Good(fall, found)
 
 
+def floor_of(remainders: Sequence[Remainder], machine: Machine) -> Floor:
+    """Return the floor of what is left of several recordings, at temperature 1."""
+    first: dict[str, Sensor] = {}
+    for sensor in machine.instruments.sensors:
+        first.setdefault(kind_of(sensor), sensor)
+    sensors = {s.channel: s for s in machine.instruments.sensors}
+    rows: dict[str, dict[float, list[tuple[Remainder, int]]]] = {}
+    for remainder in remainders:
+        for k, channel in enumerate(remainder.channels):
+            by_speed = rows.setdefault(kind_of(sensors[channel]), {})
+            by_speed.setdefault(remainder.level_speed, []).append((remainder, k))
+    levels = {
+        kind: {speed: level_of(found, first[kind]) for speed, found in by_speed.items()}
+        for kind, by_speed in rows.items()
+    }
+    return Floor(levels, temperature=1.0)
+
+
 def calibrate(paths: Sequence[str], machine: Machine, jobs: int = 1) -> Floor:
-    """Measure the floor on several recordings."""
+    """Measure the floor on several recordings, one of each machine.
+
+    What a good machine looks like beside it is taken of each beside the floor of all others, as a
+    recording that is diagnosed was not among those that the floor was measured on.
+    """
+    if len(paths) < LEAST_MACHINES:
+        raise MachineError(
+            f'expected recordings of {LEAST_MACHINES} good machines, found {len(paths)}'
+        )
     sensors = {s.channel: s for s in machine.instruments.sensors}
     with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
-        rows: dict[str, dict[float, list[tuple[Remainder, int]]]] = {}
-        for remainder in pool.map(partial(remainder_of, machine=machine), paths):
-            for k, channel in enumerate(remainder.channels):
-                by_speed = rows.setdefault(kind_of(sensors[channel]), {})
-                by_speed.setdefault(remainder.level_speed, []).append((remainder, k))
-        first = {kind_of(sensor): sensor for sensor in sensors.values()}
-        cold = Floor(
-            {
-                kind: {speed: level_of(found, first[kind]) for speed, found in by_speed.items()}
-                for kind, by_speed in rows.items()
-            },
-            temperature=1.0,
-        )
-        good = list(pool.map(partial(beside_floor, machine=machine, floor=cold), paths))
+        remainders = list(pool.map(partial(remainder_of, machine=machine), paths))
+        others = [
+            floor_of([*remainders[:k], *remainders[k + 1 :]], machine) for k in range(len(paths))
+        ]
+        good = list(pool.map(partial(beside_floor, machine=machine), paths, others))
     kinds: dict[str, list[float]] = {}
     for one in good:
         for channel, value in one.chi2.items():
             kinds.setdefault(kind_of(sensors[channel]), []).append(float(np.log(value)))
     heat = max(1.0, float(np.mean([one.fall for one in good])))
-    pairs = {kind: (float(np.mean(v)), float(np.std(v))) for kind, v in kinds.items()}
-    return replace(cold, temperature=heat, clean_kinds=pairs)
+    pairs = {kind: (float(np.mean(v)), float(np.std(v, ddof=1))) for kind, v in kinds.items()}
+    whole = floor_of(remainders, machine)
+    return replace(whole, temperature=heat, clean_kinds=pairs, machines=len(paths))
 
 
 def main() -> None:

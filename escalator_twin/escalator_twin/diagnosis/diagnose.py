@@ -183,7 +183,8 @@ def settle(
     for found in walked.found:
         small = found.gain < SMALL * largest and found.proposal.cause not in ONE_GAUGE
         # beside a larger remainder that nothing explains, a small further effect may be a part of it
-        doubt = DOUBT if small and rest.significant and found.gain < rest.above else 1.0
+        is_part = found.gain < rest.beside(found.proposal.cause)
+        doubt = DOUBT if small and rest.significant and is_part else 1.0
         # nothing is left, but so far out something else may act like this law; a gauge's is exact
         if of_machine(found.proposal) and size_in_references(found.proposal) > FAR_SIZE:
             doubt *= DOUBT

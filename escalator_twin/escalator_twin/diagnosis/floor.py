@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import stats
 import yaml
 
 from escalator_twin.errors import MachineError
@@ -88,6 +89,8 @@ class Floor:
         squared per coefficient over the floor.
     clean_kinds : mapping of kind to (float, float)
         The same by kind of channel, where it was measured apart.
+    machines : int, optional
+        How many good machines that was measured on.
     temperature : float
         By which all variances are multiplied; priors are not.
     leans : mapping of cause to float
@@ -100,6 +103,20 @@ class Floor:
     temperature: float = TEMPERATURE
     leans: Mapping[str, float] = field(default_factory=dict)
     clean_kinds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    machines: int | None = None
+
+    def beyond(self, sigmas: float) -> float:
+        """Return how many standard deviations of good machines one more passes by chance.
+
+        As seldom as a normal number passes ``sigmas``. Level and scatter are known from a few
+        machines: what a next one is away from their mean, in their own scatter, is
+        distributed as Student's t with n - 1 degrees of freedom, sqrt(1 + 1/n) as wide.
+        """
+        if self.machines is None:
+            return sigmas
+        n = self.machines
+        quantile = stats.t.isf(stats.norm.sf(sigmas), n - 1)
+        return float(quantile * np.sqrt(1.0 + 1.0 / n))
 
     def mean_of(self, sensor: Sensor, speed_m_s: float) -> tuple[float, float] | None:
         """Return what a channel's mean is above the twin's, and its scatter, SI; None unknown."""
@@ -247,7 +264,10 @@ def read_floor(path: Path) -> Floor:
     leans = {cause: float(size) for cause, size in data.get('leans', {}).items()}
     heat = float(data.get('temperature', TEMPERATURE))
     kinds = {kind: (float(a), float(b)) for kind, (a, b) in data.get('clean_kinds', {}).items()}
-    return Floor(levels, _pair(data.get('clean')), heat, leans, kinds)
+    machines = data.get('machines')
+    if machines is not None and not (isinstance(machines, int) and machines > 1):
+        raise MachineError(f'{path}: machines: expected a number above 1, found {machines!r}')
+    return Floor(levels, _pair(data.get('clean')), heat, leans, kinds, machines)
 
 
 def _pair(found: list[float] | None) -> tuple[float, float] | None:
@@ -281,6 +301,8 @@ def write_floor(path: Path, floor: Floor, source: str) -> None:
         told['clean_kinds'] = {
             kind: [float(f'{v:.3g}') for v in pair] for kind, pair in floor.clean_kinds.items()
         }
+    if floor.machines is not None:
+        told['machines'] = floor.machines
     whole = {'schema': SCHEMA, **heat, **clean, **told, 'levels': rows}
     text = yaml.safe_dump(whole, sort_keys=False, width=100)
     path.write_text(f'# {source}\n{text}', encoding='utf-8')

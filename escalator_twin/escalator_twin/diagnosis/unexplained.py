@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context
-from escalator_twin.diagnosis.floor import Floor, is_shaken, kind_of
+from escalator_twin.diagnosis.floor import Floor, kind_of, SHAKING
 from escalator_twin.diagnosis.split import comb_shares, in_time, loop_correlation
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import frequencies
@@ -15,13 +15,7 @@ from escalator_twin.signals import Floats
 # Of recordings of machines within tolerance (generator, docs/diagnosis.md): mean of the logarithm
 # of chi squared per sample over the floor, and its standard deviation, by channel.
 CLEAN_LOG, CLEAN_SD = -0.15, 0.22
-SIGMAS = 3.0  # one channel in a thousand, eight channels: about 1 % of recordings
-# How rollers rattle is another matter in another maker's program: of the logarithm of chi squared of a
-# step's x and z, one standard deviation; a good machine of another maker (labelled) is 2 of them up.
-RATTLE_SD = 0.25
-# The same of all other channels: another maker's program is some percent nearer to the twin or farther. Not
-# derived: chosen where two labelled good machines, whose forces lie 1 to 12 % up, are no longer flagged.
-MAKER_SD = 0.05
+SIGMAS = 3.0  # of a normal number: one channel in a thousand, eight channels: 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
@@ -44,6 +38,8 @@ class Unexplained:
     signature : mapping
     above : float
         Chi squared above a good machine's, see `excess_of`.
+    above_shaken : float
+        The same of the channels that rattling rollers shake.
     """
 
     significant: bool
@@ -51,6 +47,11 @@ class Unexplained:
     explained: float
     signature: dict[str, Any]
     above: float = 0.0
+    above_shaken: float = 0.0
+
+    def beside(self, cause: str) -> float:
+        """Return the chi squared above a good machine's, in the channels that speak for a cause."""
+        return self.above + (self.above_shaken if cause in SHAKING else 0.0)
 
 
 def by_channel(place: Beside) -> Floats:
@@ -66,20 +67,25 @@ def clean_of(place: Beside, floor: Floor) -> tuple[Floats, Floats]:
     kinds = [kind_of(instruments.sensor(c)) for c in place.stage.observation.channels]
     whole = floor.clean or (CLEAN_LOG, CLEAN_SD)
     rows = np.array([floor.clean_kinds.get(kind, whole) for kind in kinds])
-    shaken = [is_shaken(instruments.sensor(c)) for c in place.stage.observation.channels]
-    return rows[:, 0], np.hypot(rows[:, 1], np.where(shaken, RATTLE_SD, MAKER_SD))
+    return rows[:, 0], rows[:, 1]
+
+
+def limits_of(place: Beside, floor: Floor, sigmas: float) -> Floats:
+    """Return the chi squared that a good machine passes as seldom as a normal number ``sigmas``."""
+    level, scatter = clean_of(place, floor)
+    return np.asarray(np.exp(level + floor.beyond(sigmas) * scatter))
 
 
 def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
     """Tell whether any channel holds more than a good machine's usually does."""
-    level, scatter = clean_of(place, floor)
-    return bool((by_channel(place) > np.exp(level + sigmas * scatter)).any())
+    return bool((by_channel(place) > limits_of(place, floor, sigmas)).any())
 
 
-def excess_of(place: Beside, floor: Floor) -> float:
-    """Return chi squared above a good machine's, without the channels that rattling shakes."""
+def excess_of(place: Beside, floor: Floor, shaken: bool = False) -> float:
+    """Return chi squared above a good machine's, in the channels that rattling shakes or the others."""
     level, _ = clean_of(place, floor)
-    above = np.maximum(by_channel(place) - np.exp(level), 0.0)[place.stage.quiet]
+    chosen = ~place.stage.quiet if shaken else place.stage.quiet
+    above = np.maximum(by_channel(place) - np.exp(level), 0.0)[chosen]
     n = len(place.fitted.white) / len(level)
     return float(n * above.sum() / place.stage.whiten.temperature)
 
@@ -94,19 +100,22 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
         The machine as described, and with its effects.
     """
     first, last = by_channel(before), by_channel(after)
-    level, scatter = clean_of(after, context.floor)
-    limit, floor = np.exp(level + SIGMAS * scatter), np.exp(level)
-    significant = bool((last > limit).any())
+    level, _ = clean_of(after, context.floor)
+    floor = np.exp(level)
+    significant = bool((last > limits_of(after, context.floor, SIGMAS)).any())
     excess = float(np.maximum(last - floor, 0.0).sum())
     whole = float(np.maximum(first - floor, 0.0).sum())
     share = float(np.clip(excess / max(float(first.sum()), 1e-12), 0.0, 1.0))
     signature = signature_of(context, after, last, floor) if significant else {}
     above = excess_of(after, context.floor)
+    above_shaken = excess_of(after, context.floor, shaken=True)
     # what a tolerance or a gauge's own nuisance had taken before counts by what it took to do so
     fell = max(before.stage.judged(before.fitted) - after.stage.judged(after.fitted), 0.0)
     by_energy = 1.0 - excess / max(whole, 1e-12)
     explained = float(np.clip(max(by_energy, fell / max(fell + above, 1e-12)), 0.0, 1.0))
-    return Unexplained(significant, share if significant else 0.0, explained, signature, above)
+    return Unexplained(
+        significant, share if significant else 0.0, explained, signature, above, above_shaken
+    )
 
 
 def signature_of(context: Context, place: Beside, chi2: Floats, floor: Floats) -> dict[str, Any]:
