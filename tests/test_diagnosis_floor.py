@@ -1,14 +1,17 @@
 """The file of the twin's own error, and what it makes of a sensor's noise."""
 
 from dataclasses import replace
+import json
 
 import numpy as np
 import pytest
 from scipy import stats
 import trials
 
+from escalator_twin.diagnosis.calibrate import of_campaign
 from escalator_twin.diagnosis.floor import (
     CELLS,
+    Clean,
     Floor,
     HARMONICS,
     is_shaken,
@@ -130,7 +133,8 @@ def test_the_prototypes_floor_tells_what_good_machines_are_like():
     found = load_floor(machine)
     assert found.temperature >= 1.0
     for sensor_ in machine.instruments.sensors:
-        level_log, scatter = found.clean_kinds[kind_of(sensor_)]
+        kind = kind_of(sensor_)
+        level_log, scatter = found.groups[0].kinds[kind]
         # chi squared over its own floor: about one for each coefficient
         assert abs(level_log) < 3.0 * scatter + 0.2
         assert scatter > 0.0
@@ -160,37 +164,54 @@ def test_places_and_good_machines_are_kept_in_the_file(tmp_path):
     kind = kind_of(sensor())
     whole = Floor(
         {kind: {0.5: replace(level(1), spread=np.linspace(0.5, 2.0, CELLS))}},
-        clean_kinds={kind: (-0.1, 0.2)},
-        machines=7,
+        groups=(Clean('a maker', 7, {kind: (-0.1, 0.2)}), Clean('another', 4, {kind: (0.1, 0.1)})),
     )
     path = tmp_path / 'some_floor.yaml'
     write_floor(path, whole, 'test')
     again = read_floor(path)
-    assert again.clean_kinds == {kind: (-0.1, 0.2)}
-    assert again.machines == 7
+    assert again.groups == whole.groups
     np.testing.assert_allclose(
         again.levels[kind][0.5].spread, whole.levels[kind][0.5].spread, rtol=5e-3
     )
 
 
-@pytest.mark.parametrize(('machines', 'sigmas'), [(4, 2.0), (12, 2.0), (12, 3.0), (40, 2.0)])
-def test_one_more_good_machine_passes_as_seldom_as_was_said(machines, sigmas):
+@pytest.mark.parametrize(('count', 'sigmas'), [(4, 2.0), (12, 2.0), (12, 3.0), (40, 2.0)])
+def test_one_more_good_machine_passes_as_seldom_as_was_said(count, sigmas):
     # drawn: machines of one scatter, and one more that they do not know
-    rng = np.random.default_rng(machines)
-    known, more = rng.standard_normal((400_000, machines)), rng.standard_normal(400_000)
-    limit = known.mean(axis=1) + Floor({}, machines=machines).beyond(sigmas) * known.std(
-        axis=1, ddof=1
-    )
+    rng = np.random.default_rng(count)
+    known, more = rng.standard_normal((400_000, count)), rng.standard_normal(400_000)
+    width = Clean('', count, {'force': (0.0, 1.0)}).limit('force', sigmas)
+    limit = known.mean(axis=1) + width * known.std(axis=1, ddof=1)
     expected = stats.norm.sf(sigmas)
     assert np.mean(more > limit) == pytest.approx(expected, abs=4.0 * np.sqrt(expected / 400_000))
 
 
-def test_a_floor_of_unknown_many_machines_counts_as_normal():
-    assert Floor({}).beyond(3.0) == 3.0
+def test_a_good_machine_of_any_known_maker_passes():
+    ours, theirs = Clean('', 12, {'force': (-0.1, 0.02)}), Clean('', 12, {'force': (0.0, 0.02)})
+    both = Floor({}, groups=(ours, theirs))
+    assert both.limit('force', 3.0) == theirs.limit('force', 3.0)
+    assert both.level_of('force') == -0.1
 
 
-def test_a_floor_of_one_machine_is_refused(tmp_path, floor):
+def test_a_floor_that_knows_no_machines_tells_by_its_whole():
+    assert Floor({}, clean=(0.1, 0.2)).limit('force', 3.0) == pytest.approx(0.7)
+    assert Floor({}, clean=(0.1, 0.2)).level_of('force') == 0.1
+
+
+def test_a_floor_of_one_recording_is_refused(tmp_path, floor):
     path = tmp_path / 'some_floor.yaml'
-    write_floor(path, replace(floor, machines=1), 'test')
-    with pytest.raises(MachineError, match='machines: expected a number above 1, found 1'):
+    write_floor(path, replace(floor, groups=(Clean('', 1, {'force': (0.0, 1.0)}),)), 'test')
+    with pytest.raises(MachineError, match='recordings: expected a number above 1, found 1'):
         read_floor(path)
+
+
+def test_another_makers_recordings_count_beside_their_effects(tmp_path):
+    machine = trials.prototype()
+    channel = machine.instruments.sensors[0].channel
+    rows = [{'residual': {'after': {channel: {'chi2': float(np.exp(x))}}}} for x in (0.0, 0.2)]
+    path = tmp_path / 'several.json'
+    path.write_text(json.dumps({'by_recording': rows}))
+    found = of_campaign(path, machine)
+    assert found.recordings == 2
+    kind = kind_of(machine.instruments.sensors[0])
+    assert found.kinds == {kind: pytest.approx((0.1, 0.2 / 2**0.5))}

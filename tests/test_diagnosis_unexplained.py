@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.floor import Floor
 
 pytestmark = pytest.mark.issue(6)
 
-CLEAN = np.zeros(2), np.array([0.05, 0.05])  # of the logarithm: mean 1
+LEVEL, LIMIT = np.ones(2), np.full(2, 1.2)
 
 
 def place(energy, chi2):
@@ -22,8 +22,11 @@ def place(energy, chi2):
 @pytest.fixture
 def explained(monkeypatch):
     monkeypatch.setattr(unexplained, 'by_channel', lambda p: p.energy)
-    monkeypatch.setattr(unexplained, 'clean_of', lambda *_: CLEAN)
-    monkeypatch.setattr(unexplained, 'excess_of', lambda *_, shaken=False: 0.0 if shaken else 200.0)
+    monkeypatch.setattr(unexplained, 'levels_of', lambda *_: LEVEL)
+    monkeypatch.setattr(unexplained, 'limits_of', lambda *_: LIMIT)
+    monkeypatch.setattr(
+        unexplained, 'excess_of', lambda *_, shaken=False: 0.0 if shaken else 200.0
+    )
     monkeypatch.setattr(unexplained, 'signature_of', lambda *_: {})
     context = SimpleNamespace(floor=Floor({}))
 

@@ -1,16 +1,18 @@
 """Measure the twin's own error on recordings of machines within tolerance.
 
     python -m escalator_twin.diagnosis.calibrate BAG... --machine M --out FLOOR.yaml
+    python -m escalator_twin.diagnosis.calibrate --beside SEVERAL.json --machine M
 
 The recordings must be of good machines by another program (``make hidden`` with ``clean``): their
 truth is not read.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+import json
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from escalator_twin.diagnosis.context import Context, shares_of
 from escalator_twin.diagnosis.floor import (
     cell_of,
     CELLS,
+    Clean,
     Floor,
     is_shaken,
     kind_of,
@@ -188,15 +191,44 @@ def calibrate(paths: Sequence[str], machine: Machine, jobs: int = 1) -> Floor:
         for channel, value in one.chi2.items():
             kinds.setdefault(kind_of(sensors[channel]), []).append(float(np.log(value)))
     heat = max(1.0, float(np.mean([one.fall for one in good])))
-    pairs = {kind: (float(np.mean(v)), float(np.std(v, ddof=1))) for kind, v in kinds.items()}
-    whole = floor_of(remainders, machine)
-    return replace(whole, temperature=heat, clean_kinds=pairs, machines=len(paths))
+    own = Clean(f'{len(paths)} generated good machines', len(paths), scatter_of(kinds))
+    return replace(floor_of(remainders, machine), temperature=heat, groups=(own,))
+
+
+def scatter_of(logs: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+    """Return mean and standard deviation of each kind's logarithms of chi squared."""
+    return {kind: (float(np.mean(v)), float(np.std(v, ddof=1))) for kind, v in logs.items()}
+
+
+def of_campaign(path: Path, machine: Machine) -> Clean:
+    """Return what one machine's recordings look like beside its named effects.
+
+    Of another maker, whose machine is not known to be good: what no effect accounts for may be in
+    it, so that the scatter is rather too wide than too narrow.
+
+    Parameters
+    ----------
+    path : Path
+        Of the JSON that ``diagnose`` writes of several recordings.
+    machine : Machine
+    """
+    sensors = {s.channel: s for s in machine.instruments.sensors}
+    rows = json.loads(path.read_text(encoding='utf-8'))['by_recording']
+    logs: dict[str, list[float]] = {}
+    for row in rows:
+        for channel, found in row['residual']['after'].items():
+            logs.setdefault(kind_of(sensors[channel]), []).append(float(np.log(found['chi2'])))
+    source = f'{len(rows)} recordings of one machine of another maker, beside its named effects'
+    return Clean(source, len(rows), scatter_of(logs))
 
 
 def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('bags', nargs='+', metavar='BAG')
+    parser.add_argument('bags', nargs='*', metavar='BAG', help='none: the floor as it is')
+    parser.add_argument(
+        '--beside', type=Path, metavar='JSON', help="another maker's recordings, as diagnosed"
+    )
     parser.add_argument('--machine', default='config/machines/prototype.yaml')
     parser.add_argument('--out', type=Path)
     parser.add_argument('--jobs', type=int, default=1)
@@ -204,10 +236,14 @@ def main() -> None:
     machine = load_machine(given.machine)
     assert machine.source is not None
     out = given.out or machine.source.with_name(f'{machine.name}_floor.yaml')
-    floor = calibrate(given.bags, machine, given.jobs)
-    text = (
-        f'What is left between the twin and {len(given.bags)} generated good machines (synthetic).'
-    )
+    if given.bags:
+        floor = calibrate(given.bags, machine, given.jobs)
+    else:
+        floor = load_floor(machine)
+        floor = replace(floor, groups=floor.groups[:1])
+    if given.beside:
+        floor = replace(floor, groups=(*floor.groups, of_campaign(given.beside, machine)))
+    text = f'What is left between the twin and {floor.groups[0].source} (synthetic).'
     write_floor(out, floor, text)
 
 

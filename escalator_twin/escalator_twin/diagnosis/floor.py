@@ -31,6 +31,9 @@ TEMPERATURE = 8.0
 LINE_HALF = 0.03  # orders that belong to a line on each side
 LINE_SCALE = 0.013  # a line's skirt falls by e over this order: the place in the loop modulates it
 LINE_REACH = 0.1
+# Of recordings of machines within tolerance, where a floor's file does not tell: mean of the logarithm
+# of chi squared per coefficient over the floor, and its standard deviation.
+CLEAN_LOG, CLEAN_SD = -0.15, 0.22
 # Rollers rattle in their clearance. Any change of the model, however small, rolls these dice anew, so
 # that two runs differ by more than either from the machine, in bursts, where the force on a roller
 # changes sign: there these channels' weight is taken down.
@@ -78,6 +81,35 @@ class Level:
 
 
 @dataclass(frozen=True)
+class Clean:
+    """What good recordings of one maker look like beside the floor.
+
+    Attributes
+    ----------
+    source : str
+    recordings : int
+    kinds : mapping of kind to (float, float)
+        Mean and standard deviation of the logarithm of chi squared per coefficient.
+    """
+
+    source: str
+    recordings: int
+    kinds: Mapping[str, tuple[float, float]]
+
+    def limit(self, kind: str, sigmas: float) -> float:
+        """Return what one more recording passes as seldom as a normal number passes ``sigmas``.
+
+        Mean and scatter are known from a few: what a next one is away from their mean, in their
+        own scatter, is distributed as Student's t with n - 1 degrees of freedom,
+        sqrt(1 + 1/n) as wide.
+        """
+        level, scatter = self.kinds[kind]
+        n = self.recordings
+        quantile = stats.t.isf(stats.norm.sf(sigmas), n - 1) * np.sqrt(1.0 + 1.0 / n)
+        return float(level + quantile * scatter)
+
+
+@dataclass(frozen=True)
 class Floor:
     """Levels by kind of channel and speed, m/s.
 
@@ -87,36 +119,34 @@ class Floor:
     clean : (float, float), optional
         Mean and standard deviation, over channels and good machines, of the logarithm of chi
         squared per coefficient over the floor.
-    clean_kinds : mapping of kind to (float, float)
-        The same by kind of channel, where it was measured apart.
-    machines : int, optional
-        How many good machines that was measured on.
-    temperature : float
-        By which all variances are multiplied; priors are not.
-    leans : mapping of cause to float
-        Causes that the twin's own error looks like: one standard deviation of the size that good
-        machines seem to have of them, SI. They are nuisance, and no names.
+    groups : tuple of Clean
+        The same by kind of channel, for each maker whose good recordings were seen; the first is the one
+        that the floor itself was measured on.
     """
 
     levels: Mapping[str, Mapping[float, Level]]
     clean: tuple[float, float] | None = None
     temperature: float = TEMPERATURE
     leans: Mapping[str, float] = field(default_factory=dict)
-    clean_kinds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    machines: int | None = None
+    groups: tuple[Clean, ...] = ()
 
-    def beyond(self, sigmas: float) -> float:
-        """Return how many standard deviations of good machines one more passes by chance.
+    def limit(self, kind: str, sigmas: float) -> float:
+        """Return the logarithm of chi squared that a good machine of any known maker seldom passes.
 
-        As seldom as a normal number passes ``sigmas``. Level and scatter are known from a few
-        machines: what a next one is away from their mean, in their own scatter, is
-        distributed as Student's t with n - 1 degrees of freedom, sqrt(1 + 1/n) as wide.
+        Parameters
+        ----------
+        kind : str
+        sigmas : float
+            As seldom as a normal number passes so many.
         """
-        if self.machines is None:
-            return sigmas
-        n = self.machines
-        quantile = stats.t.isf(stats.norm.sf(sigmas), n - 1)
-        return float(quantile * np.sqrt(1.0 + 1.0 / n))
+        limits = [group.limit(kind, sigmas) for group in self.groups if kind in group.kinds]
+        level, scatter = self.clean or (CLEAN_LOG, CLEAN_SD)
+        return max(limits, default=level + sigmas * scatter)
+
+    def level_of(self, kind: str) -> float:
+        """Return the mean logarithm of chi squared of good machines' channels of a kind."""
+        known = [group.kinds[kind][0] for group in self.groups[:1] if kind in group.kinds]
+        return known[0] if known else (self.clean or (CLEAN_LOG, CLEAN_SD))[0]
 
     def mean_of(self, sensor: Sensor, speed_m_s: float) -> tuple[float, float] | None:
         """Return what a channel's mean is above the twin's, and its scatter, SI; None unknown."""
@@ -263,11 +293,19 @@ def read_floor(path: Path) -> Floor:
         levels.setdefault(row['kind'], {})[float(row['speed_m_s'])] = level
     leans = {cause: float(size) for cause, size in data.get('leans', {}).items()}
     heat = float(data.get('temperature', TEMPERATURE))
-    kinds = {kind: (float(a), float(b)) for kind, (a, b) in data.get('clean_kinds', {}).items()}
-    machines = data.get('machines')
-    if machines is not None and not (isinstance(machines, int) and machines > 1):
-        raise MachineError(f'{path}: machines: expected a number above 1, found {machines!r}')
-    return Floor(levels, _pair(data.get('clean')), heat, leans, kinds, machines)
+    groups = tuple(_clean(path, row) for row in data.get('clean_groups', []))
+    return Floor(levels, _pair(data.get('clean')), heat, leans, groups)
+
+
+def _clean(path: Path, row: Mapping[str, Any]) -> Clean:
+    """Read what one maker's good recordings look like."""
+    count = row.get('recordings')
+    if not isinstance(count, int) or count < 2:
+        raise MachineError(
+            f'{path}: clean_groups: recordings: expected a number above 1, found {count!r}'
+        )
+    kinds = {kind: (float(a), float(b)) for kind, (a, b) in row['kinds'].items()}
+    return Clean(str(row.get('source', '')), count, kinds)
 
 
 def _pair(found: list[float] | None) -> tuple[float, float] | None:
@@ -297,12 +335,17 @@ def write_floor(path: Path, floor: Floor, source: str) -> None:
     heat = {'temperature': float(f'{floor.temperature:.3g}')}
     leans = {cause: float(f'{size:.3g}') for cause, size in floor.leans.items()}
     told: dict[str, Any] = {'leans': leans} if leans else {}
-    if floor.clean_kinds:
-        told['clean_kinds'] = {
-            kind: [float(f'{v:.3g}') for v in pair] for kind, pair in floor.clean_kinds.items()
-        }
-    if floor.machines is not None:
-        told['machines'] = floor.machines
+    if floor.groups:
+        told['clean_groups'] = [
+            {
+                'source': group.source,
+                'recordings': group.recordings,
+                'kinds': {
+                    kind: [float(f'{v:.3g}') for v in pair] for kind, pair in group.kinds.items()
+                },
+            }
+            for group in floor.groups
+        ]
     whole = {'schema': SCHEMA, **heat, **clean, **told, 'levels': rows}
     text = yaml.safe_dump(whole, sort_keys=False, width=100)
     path.write_text(f'# {source}\n{text}', encoding='utf-8')

@@ -60,6 +60,8 @@ def split(context: Context, place: Beside) -> dict[str, dict[str, float | None]]
     combs = comb_shares(place)
     # a place needs no probes
     view = View(observation, context.responses, context.setting.experiment.direction, NO_PROBES)
+    left = place.fitted.left().astype(np.float64).reshape(-1, len(observation.channels))
+    chi2 = place.stage.whiten.temperature * np.mean(left**2, axis=0)
     rows: dict[str, dict[str, float | None]] = {}
     for k, channel in enumerate(observation.channels):
         sensor = machine.instruments.sensor(channel)
@@ -68,7 +70,7 @@ def split(context: Context, place: Beside) -> dict[str, dict[str, float | None]]
         loaded = (at >= machine.load.from_m) & (at <= machine.load.to_m)
         energy = time[:, k] ** 2
         rows[channel] = {
-            'chi2': place.stage.whiten.temperature * float(energy.mean()),
+            'chi2': float(chi2[k]),
             'pitch_multiples': float(combs[k]),
             'next_loop': loop_correlation(time[:, k], observation.frame.n_loop),
             'other_side': _other_side(place, time, k),

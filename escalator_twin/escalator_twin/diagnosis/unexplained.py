@@ -12,9 +12,6 @@ from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import frequencies
 from escalator_twin.signals import Floats
 
-# Of recordings of machines within tolerance (generator, docs/diagnosis.md): mean of the logarithm
-# of chi squared per sample over the floor, and its standard deviation, by channel.
-CLEAN_LOG, CLEAN_SD = -0.15, 0.22
 SIGMAS = 3.0  # of a normal number: one channel in a thousand, eight channels: 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
@@ -61,19 +58,19 @@ def by_channel(place: Beside) -> Floats:
     return np.asarray(place.stage.whiten.temperature * np.mean(left**2, axis=0))
 
 
-def clean_of(place: Beside, floor: Floor) -> tuple[Floats, Floats]:
-    """Return mean and scatter of the logarithm of chi squared in good machines, (c,) each."""
-    instruments = place.stage.machine.instruments
-    kinds = [kind_of(instruments.sensor(c)) for c in place.stage.observation.channels]
-    whole = floor.clean or (CLEAN_LOG, CLEAN_SD)
-    rows = np.array([floor.clean_kinds.get(kind, whole) for kind in kinds])
-    return rows[:, 0], rows[:, 1]
+def levels_of(place: Beside, floor: Floor) -> Floats:
+    """Return the chi squared of a good machine's channels, (c,)."""
+    return np.exp([floor.level_of(kind) for kind in _kinds(place)])
 
 
 def limits_of(place: Beside, floor: Floor, sigmas: float) -> Floats:
-    """Return the chi squared that a good machine passes as seldom as a normal number ``sigmas``."""
-    level, scatter = clean_of(place, floor)
-    return np.asarray(np.exp(level + floor.beyond(sigmas) * scatter))
+    """Return what a good machine passes as seldom as a normal number passes ``sigmas``, (c,)."""
+    return np.exp([floor.limit(kind, sigmas) for kind in _kinds(place)])
+
+
+def _kinds(place: Beside) -> list[str]:
+    instruments = place.stage.machine.instruments
+    return [kind_of(instruments.sensor(c)) for c in place.stage.observation.channels]
 
 
 def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
@@ -83,9 +80,9 @@ def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
 
 def excess_of(place: Beside, floor: Floor, shaken: bool = False) -> float:
     """Return chi squared above a good machine's, in the channels that rattling shakes or the others."""
-    level, _ = clean_of(place, floor)
+    level = levels_of(place, floor)
     chosen = ~place.stage.quiet if shaken else place.stage.quiet
-    above = np.maximum(by_channel(place) - np.exp(level), 0.0)[chosen]
+    above = np.maximum(by_channel(place) - level, 0.0)[chosen]
     n = len(place.fitted.white) / len(level)
     return float(n * above.sum() / place.stage.whiten.temperature)
 
@@ -100,8 +97,7 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
         The machine as described, and with its effects.
     """
     first, last = by_channel(before), by_channel(after)
-    level, _ = clean_of(after, context.floor)
-    floor = np.exp(level)
+    floor = levels_of(after, context.floor)
     significant = bool((last > limits_of(after, context.floor, SIGMAS)).any())
     excess = float(np.maximum(last - floor, 0.0).sum())
     whole = float(np.maximum(first - floor, 0.0).sum())
