@@ -323,14 +323,13 @@ def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, origin: Origin) -> Lo
     columns = np.empty((n, frame.per_pitch, 1 + 5 * n if is_all else len(probes)), np.float32)
     for at in np.unique(turn):
         rows = turn == at
-        part = phases[rows]
-        for j in range(n):
-            picked = (
-                _all_columns(n, d * (j + int(at)))
-                if is_all
-                else [pitch.column(probe, j + int(at)) for probe in probes]
-            )
-            columns[j, rows] = part[:, picked]
+        ahead = np.arange(n) + int(at)
+        picked = (
+            _all_columns(n, d * ahead)
+            if is_all
+            else np.stack([pitch.column(probe, ahead) for probe in probes], axis=1)
+        )
+        columns[:, rows] = phases[rows][:, picked].swapaxes(0, 1)
     clock = first + np.arange(frame.n_loop) * (period / frame.per_pitch)
     loops = np.floor(clock / (n * period))
     place = np.interp(clock - loops * n * period, times, places) + d * length * loops
@@ -338,10 +337,11 @@ def _tiled(pitch: Pitch, frame: Frame, probes: np.ndarray, origin: Origin) -> Lo
     return Loop(columns.reshape(frame.n_loop, -1), place, float(length * d), rack - shift)
 
 
-def _all_columns(n: int, ahead: int) -> np.ndarray:
-    """Return the columns of all probes, every part ``ahead`` places further."""
-    place = (np.arange(n) + ahead) % n
-    return np.concatenate([[0], *(1 + k * n + place for k in range(5))])
+def _all_columns(n: int, ahead: np.ndarray) -> np.ndarray:
+    """Return the columns of all probes, every part some places further, (len(ahead), 1 + 5 n)."""
+    place = (np.arange(n) + ahead[:, None]) % n
+    carriage = np.zeros((len(ahead), 1), place.dtype)
+    return np.concatenate([carriage, *(1 + k * n + place for k in range(5))], axis=1)
 
 
 def band_limited(values: np.ndarray, rate_hz: float) -> np.ndarray:

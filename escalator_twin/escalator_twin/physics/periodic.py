@@ -177,9 +177,10 @@ def record_pitch(
     if not goes_on:
         simulation.start(0.0, is_exact=False)  # one pitch is as good as any other
     before = max(LEAD_PITCHES, int(np.ceil(LEAD_S / period)) if goes_on else 0)
-    lead = simulation.advance(_whole(before * period, rate_hz), rate_hz, every)
+    alone = np.array([(run.CARRIAGE, 0, 0)], dtype=np.int64)
+    lead = simulation.advance(_whole(before * period, rate_hz), rate_hz, alone)
     rows = simulation.advance(_whole(period + 2.0 * margin, rate_hz), rate_hz, every)
-    carriage = np.concatenate([lead[:, 2], rows[:, 2]])
+    carriage = np.concatenate([lead[:, 0], rows[:, 2]])
     if not _repeats(carriage, period * rate_hz):
         return None
     rack = float(rows[0, 1]) * simulation.dog_pitch + speed * margin

@@ -10,7 +10,7 @@ from escalator_twin.errors import ExperimentError, MachineError
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics import run
 from escalator_twin.physics.mjcall import address_of
-from escalator_twin.physics.model import build_spec, mass_diagonal
+from escalator_twin.physics.model import compiled_model, mass_diagonal
 from escalator_twin.physics.parameters import Parameters, SIDES
 from escalator_twin.physics.path import GuidePath
 from escalator_twin.physics.start import find_rest, set_off
@@ -129,8 +129,9 @@ class Simulation:
         self.machine, self.parameters, self.path, self.step_s = machine, parameters, path, step_s
         self._given = parameters  # phases as given, for every start
         gauge = machine.chain.track_gauge_m / 2.0
-        spec = build_spec(parameters, step_s, gauge, machine.roller.diameter_m / 2.0, visual)
-        self.model = spec.compile()
+        self.model = compiled_model(
+            parameters, step_s, gauge, machine.roller.diameter_m / 2.0, visual
+        )
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
         sides, axles = parameters.end_mass.shape

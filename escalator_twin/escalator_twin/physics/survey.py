@@ -1,6 +1,7 @@
 """The as-built deviation of the guide's channel centre, as a smooth periodic table."""
 
 import csv
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -61,10 +62,17 @@ def periodic_table(s: Floats, values: Floats, length_m: float, error_m: float = 
     spacing = float(np.median(np.diff(s)))
     keep = s < s[0] + length_m - 0.5 * spacing
     knots = np.append(s[keep], s[0] + length_m)
-    column = without_error(values[keep], error_m) if error_m > 0.0 else values[keep]
+    column = values[keep]
+    if error_m > 0.0:
+        column = np.array(_without_error(tuple(column), error_m))
     spline = CubicSpline(knots, np.append(column, column[0]), bc_type='periodic')
     grid = np.arange(round(length_m / STEP_M)) * (length_m / round(length_m / STEP_M))
     return np.column_stack([spline(grid), spline(grid, 1)])
+
+
+@lru_cache(maxsize=8)  # a landing's tolerance moves the loop's length, not the points
+def _without_error(values: tuple[float, ...], error_m: float) -> tuple[float, ...]:
+    return tuple(without_error(np.array(values), error_m))
 
 
 def without_error(values: Floats, error_m: float) -> Floats:
