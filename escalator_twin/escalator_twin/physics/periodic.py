@@ -19,10 +19,13 @@ from escalator_twin.signals import Floats
 
 Turn = TypeVar('Turn', int, np.ndarray)
 
-LEAD_PITCHES = 2  # run before the pitch that is kept, beyond what every start settles
-# The same where a running machine goes on over another rail: the carriage swings that out in seconds, and
-# at 0.48 m/s four of forty rails were not steady yet after two pitches (tests/test_diagnosis_rails.py).
-LEAD_S = 3.3
+# Run before the pitch that is kept, beyond what every start settles, and a pitch at least. Forces of a loop
+# are then as near to those after nine pitches as any two runs are, whose rollers rattle: 0.2 to 0.6 N
+# (four experiments from 0.23 to 0.5 m/s; 0.8 s would leave 1 N at 0.5 m/s).
+LEAD_S = 1.6
+# The same where a running machine goes on over another rail, whose carriage swings that out: at 0.5 m/s
+# forces were off by 2 N after 3.3 s, by 0.5 N after 4.8 s, 150 N being what the rail does.
+GOES_ON_S = 4.0
 SAME = (
     0.02  # of the carriage's motion: two pitches that differ by more are not one another's image
 )
@@ -176,9 +179,9 @@ def record_pitch(
     every = np.array([(run.EVERYTHING, 0, 0)], dtype=np.int64)
     if not goes_on:
         simulation.start(0.0, is_exact=False)  # one pitch is as good as any other
-    before = max(LEAD_PITCHES, int(np.ceil(LEAD_S / period)) if goes_on else 0)
+    before = max(GOES_ON_S if goes_on else LEAD_S, period)
     alone = np.array([(run.CARRIAGE, 0, 0)], dtype=np.int64)
-    lead = simulation.advance(_whole(before * period, rate_hz), rate_hz, alone)
+    lead = simulation.advance(_whole(before, rate_hz), rate_hz, alone)
     rows = simulation.advance(_whole(period + 2.0 * margin, rate_hz), rate_hz, every)
     carriage = np.concatenate([lead[:, 0], rows[:, 2]])
     if not _repeats(carriage, period * rate_hz):
