@@ -229,6 +229,15 @@ def test_what_a_creeping_gauge_gains_is_not_settled_away():
     assert slow_of(after.stage, [drift])[names.index(f'{CHANNELS[1]}/zero')]
 
 
+def test_a_mean_that_counts_is_not_settled_away(monkeypatch):
+    measured, base = recorded()
+    stage = stage_of(measured, base)
+    names = stage.nuisance.names
+    zeros = [names.index(f'{channel}/zero') for channel in CHANNELS[:2]]
+    monkeypatch.setattr(type(stage), 'tells_by_mean', lambda _, channel: channel == CHANNELS[0])
+    assert slow_of(stage, [])[zeros].tolist() == [False, True]
+
+
 def test_sizes_are_fitted_anew():
     # half of the effect is proposed: the size that the training blocks ask for is tried
     found = held(0.5 * passing(N, AXLE), effect())

@@ -27,11 +27,17 @@ FRICTION, BOUNCE, GAUGE = (
 GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True}
 
 
+def of_gauges(count):
+    """Return a context of a machine with so many gauged links."""
+    sensors = [SimpleNamespace(quantity='link_force')] * count
+    return SimpleNamespace(machine=SimpleNamespace(instruments=SimpleNamespace(sensors=sensors)))
+
+
 @pytest.fixture
 def named(monkeypatch):
     """Return what is named of three effects."""
 
-    def settle(significant=False, explained=1.0, held=None, above=1e6, shaken=0.0):
+    def settle(significant=False, explained=1.0, held=None, above=1e6, shaken=0.0, gauges=4):
         monkeypatch.setattr(
             diagnose, 'hold_out', lambda *_: SimpleNamespace(**{**GAINED, **(held or {})})
         )
@@ -40,7 +46,7 @@ def named(monkeypatch):
             before=SimpleNamespace(stage=SimpleNamespace(turned={})),
         )  # fmt: skip
         rest = Unexplained(significant, 0.1, explained, {}, above, shaken)
-        rows, _ = diagnose.settle(None, walked, rest, 0)
+        rows, _ = diagnose.settle(of_gauges(gauges), walked, rest, 0)
         return {f.proposal.cause for f, p in rows if p >= diagnose.NAMED}
 
     return settle
@@ -53,6 +59,10 @@ def test_what_explains_and_gains_is_named(named):
 def test_a_small_further_effect_is_doubted_beside_a_remainder(named):
     # one gauge alone is nothing that another law leaves
     assert named(significant=True, explained=0.9) == {'tensioner_friction', 'gauge_gain'}
+
+
+def test_the_only_gauge_is_doubted_like_any_other(named):
+    assert named(significant=True, explained=0.9, gauges=1) == {'tensioner_friction'}
 
 
 def test_a_further_effect_is_not_doubted_beside_a_remainder_that_is_smaller(named):
@@ -144,5 +154,5 @@ def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_name
         before=SimpleNamespace(stage=SimpleNamespace(turned={})),
     )  # fmt: skip
     rest = Unexplained(False, 0.0, 1.0, {})
-    rows, _ = diagnose.settle(None, walked, rest, 0)
+    rows, _ = diagnose.settle(of_gauges(4), walked, rest, 0)
     assert (rows[0][1] >= diagnose.NAMED) == is_named

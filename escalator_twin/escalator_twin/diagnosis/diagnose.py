@@ -155,6 +155,11 @@ def _placed(
     return context, run_beside(machine, context.setting.experiment, context.setting), LINKED
 
 
+def _has_other_gauges(machine: Machine) -> bool:
+    """Tell whether what a law leaves would show in more gauges than one."""
+    return sum(s.quantity == 'link_force' for s in machine.instruments.sensors) > 1
+
+
 def settle(
     context: Context, walked: Walked, rest: Unexplained, seed: int, bench: Bench = LINKED
 ) -> tuple[list[tuple[Found, float]], HeldOut | None]:
@@ -179,9 +184,10 @@ def settle(
     if held.channels is None:
         factor *= 0.95  # no second look
     largest = max(found.gain for found in walked.found)
+    alone = ONE_GAUGE if _has_other_gauges(context.machine) else ()
     named = []
     for found in walked.found:
-        small = found.gain < SMALL * largest and found.proposal.cause not in ONE_GAUGE
+        small = found.gain < SMALL * largest and found.proposal.cause not in alone
         # beside a larger remainder that nothing explains, a small further effect may be a part of it
         is_part = found.gain < rest.beside(found.proposal.cause)
         doubt = DOUBT if small and rest.significant and is_part else 1.0

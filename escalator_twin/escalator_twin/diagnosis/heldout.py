@@ -189,13 +189,15 @@ def sizes_within(white: np.ndarray, columns: np.ndarray, bounded: np.ndarray) ->
 def slow_of(stage: Stage, effects: Sequence[Proposal]) -> np.ndarray:
     """Return which nuisance is settled anew on held-out blocks: the instruments', (q,) bool.
 
-    Not that of a gauge that is said to creep: it would take the claim's place on both sides.
+    Not that of a gauge that is said to creep, nor of a channel whose mean counts: it would take the
+    claim's place on both sides.
     """
     creeping = {e.location.get('link') for e in effects if e.cause == 'gauge_drift'}
     own = tuple(
         f'{channel}/'
         for channel in stage.observation.channels
         if stage.machine.instruments.sensor(channel).name in creeping
+        or stage.tells_by_mean(channel)
     )
     names = stage.nuisance.names
     return np.array([SLOW.search(n) is not None and not n.startswith(own) for n in names], bool)
