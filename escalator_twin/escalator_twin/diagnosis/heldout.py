@@ -197,7 +197,7 @@ def slow_of(stage: Stage, effects: Sequence[Proposal]) -> np.ndarray:
         f'{channel}/'
         for channel in stage.observation.channels
         if stage.machine.instruments.sensor(channel).name in creeping
-        or stage.tells_by_mean(channel)
+        or channel in stage.told_by_mean
     )
     names = stage.nuisance.names
     return np.array([SLOW.search(n) is not None and not n.startswith(own) for n in names], bool)

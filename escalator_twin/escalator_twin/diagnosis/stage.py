@@ -127,9 +127,10 @@ class Stage:
         """Return sizes of the nuisance, (q,), as held-out samples may be explained by them."""
         return sizes
 
-    def tells_by_mean(self, channel: str) -> bool:
-        """Tell whether the mean of a channel counts: it is no zero of its instrument."""
-        return False
+    @property
+    def told_by_mean(self) -> frozenset[str]:
+        """Channels whose mean counts: it is no zero of the instrument."""
+        return frozenset()
 
     def residual(self, model: Floats) -> Floats:
         """Return measured less simulated, means removed, (n, c)."""

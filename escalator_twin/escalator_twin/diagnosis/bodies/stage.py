@@ -56,9 +56,10 @@ class BodyStage(Stage):
         limits = np.array([LARGEST if name in bound else np.inf for name in self.nuisance.names])
         return np.clip(sizes, -limits, limits)
 
-    def tells_by_mean(self, channel: str) -> bool:
-        """Tell whether the mean of a channel counts."""
-        return channel in self.above
+    @property
+    def told_by_mean(self) -> frozenset[str]:
+        """Channels whose mean counts."""
+        return frozenset(self.above)
 
     def residual(self, model: Floats) -> Floats:
         """Return measured less simulated, (n, c); what counts of a mean stays in it."""
