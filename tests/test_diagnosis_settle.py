@@ -156,3 +156,11 @@ def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_name
     rest = Unexplained(False, 0.0, 1.0, {})
     rows, _ = diagnose.settle(of_gauges(4), walked, rest, 0)
     assert (rows[0][1] >= diagnose.NAMED) == is_named
+
+
+@pytest.mark.parametrize(('probability', 'is_left'), [(0.9, False), (0.45, True)])
+def test_what_a_law_fits_that_is_not_believed_is_unexplained(monkeypatch, probability, is_left):
+    monkeypatch.setattr(diagnose, 'look', lambda _, before, after: (before, after))
+    walked = SimpleNamespace(found=(FRICTION,), before='before', after='after')
+    rest = diagnose.left_open(None, walked, [(FRICTION, probability)], 'rest')
+    assert rest == (('before', 'before') if is_left else 'rest')

@@ -1,12 +1,13 @@
 """What is fitted from the machine as described: what promises most, and what a tolerance stands in for."""
 
-from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
 
 from escalator_twin.diagnosis import trial
 from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.tried import Tried
 
@@ -18,15 +19,30 @@ EDGE = Proposal('landing_length', {'which': 'upper'}, {'delta_m': 2.4e-3}, 0.0)
 FRICTION = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
 
 
+@dataclass(frozen=True)
+class Held:
+    """Of a context what is replaced in it."""
+
+    knobs: object
+    responses: object = None
+    floor: object = None
+
+
 @pytest.mark.parametrize(
-    ('edges', 'fitted'),
+    ('edges', 'known', 'is_open', 'closes', 'fitted'),
     [
-        ((), [ROLLING]),
-        ((EDGE,), [ROLLING, EDGE]),
-        ((ROLLING,), [ROLLING]),  # leads already: once is enough
+        ((), [FRICTION], True, False, [ROLLING]),
+        ((EDGE,), [FRICTION], True, False, [ROLLING, EDGE]),
+        ((ROLLING,), [FRICTION], True, False, [ROLLING]),  # leads already: once is enough
+        # beside nothing known any effect turns tolerances to their edges
+        ((EDGE,), [], True, False, [ROLLING, EDGE]),
+        ((EDGE,), [], True, True, [ROLLING]),
+        ((EDGE,), [], False, False, [ROLLING]),
     ],
 )
-def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(monkeypatch, edges, fitted):
+def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
+    monkeypatch, edges, known, is_open, closes, fitted
+):
     monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
         proposal=given[3], gain=given[3].gain
     ))  # fmt: skip
@@ -34,14 +50,21 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(monkeypat
 
     def fitted_beside(_context, _place, _known, refined, _turned, _share):
         done.append(refined.proposal)
-        return Tried(refined.proposal, refined.gain, {})
+        polished = Polished(context, SimpleNamespace(is_open=not closes), (), ())
+        return Tried(refined.proposal, refined.gain, {}, polished)
 
     monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
-    stage = SimpleNamespace(judged=lambda _: 1e4)
-    place = SimpleNamespace(stage=stage, model=None, fitted=None)
-    afar = Afar(None, place, [ROLLING, LANDING], edges)
-    with ThreadPoolExecutor(1) as pool:
-        trial._tried_afar(None, afar, place, [FRICTION], pool, 1, 1e4)
+    monkeypatch.setattr(trial, 'is_open', lambda place, *_: place.is_open)
+    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried: tried)
+    monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
+    context = Held(None, Held({}), None)
+    bare = SimpleNamespace(
+        observation=SimpleNamespace(frame=SimpleNamespace(pitch_m=0.4, speed_m_s=0.5))
+    )
+    stage = SimpleNamespace(judged=lambda *_: 1e4, lean=lambda _: bare)
+    place = SimpleNamespace(stage=stage, model=None, fitted=None, is_open=is_open)
+    afar = Afar(context, place, [ROLLING, LANDING], edges)
+    trial.try_all(context, place, known, [], 1, afar)
     assert done == fitted
 
 

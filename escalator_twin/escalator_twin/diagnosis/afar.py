@@ -39,7 +39,8 @@ class Afar:
     proposals : list of Proposal
         Best first.
     edges : tuple of Proposal
-        Fitted whatever they promise, see `at_the_edge`.
+        Fitted whatever they promise, see `at_the_edge`: beside known effects always, else where nothing
+        closes what is open.
     """
 
     context: Context

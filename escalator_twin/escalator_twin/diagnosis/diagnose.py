@@ -1,6 +1,6 @@
 """One recording's diagnosis, from the bag's signals to the numbers of contracts.md."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -119,6 +119,7 @@ def diagnose_recording(
     before = bench.bare(walked.before, [found.proposal for found in walked.found])
     rest = look(context, before, walked.after)
     named, held = settle(context, walked, rest, seed, bench)
+    rest = left_open(context, walked, named, rest)
     if progress is not None:
         progress(STAGES, STAGES)
     effects = [told(found, p) for found, p in named if p >= NAMED]
@@ -136,6 +137,18 @@ def diagnose_recording(
         {'before': split(context, walked.before), 'after': split(context, walked.after)},
         would_change(context, walked, named, held, bench.decide),
     )
+
+
+def left_open(
+    context: Context, walked: Walked, named: Sequence[tuple[Found, float]], rest: Unexplained
+) -> Unexplained:
+    """Return what stays unexplained once it is known which effects are named.
+
+    What a law that is not believed fits is explained by nothing: where none is named, all of it.
+    """
+    if not walked.found or any(p >= NAMED for _, p in named):
+        return rest
+    return look(context, walked.before, walked.before)
 
 
 def _placed(

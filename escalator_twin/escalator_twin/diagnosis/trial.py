@@ -19,7 +19,7 @@ from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.turns import best_turn
-from escalator_twin.diagnosis.unexplained import is_open
+from escalator_twin.diagnosis.unexplained import is_open, SIGMAS
 from escalator_twin.diagnosis.waves import DRIVE, locked, pairs
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
@@ -96,6 +96,9 @@ def try_all(
             best = max((t.gain for t in fitted_again), default=0.0)
             level = place.stage.judged(place.fitted) - best
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
+            is_left = is_open(place, context.floor, SIGMAS)
+            if known or (is_left and not any(_closes(t, context.floor) for t in fitted_again)):
+                fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = sorted(locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
@@ -107,9 +110,12 @@ def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
     What the whole machine may have is of another form, and cannot do as well.
     """
     best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
-    if best is None or best.polished is None or best.proposal.cause not in LOCAL:
-        return False
-    return not is_open(best.polished.place, floor)
+    return best is not None and best.proposal.cause in LOCAL and _closes(best, floor)
+
+
+def _closes(tried: Tried, floor: Floor) -> bool:
+    """Tell whether an effect that was fitted with all else leaves no more than a good machine."""
+    return tried.polished is not None and not is_open(tried.polished.place, floor)
 
 
 def _fitted_all(
@@ -230,9 +236,41 @@ def _tried_afar(
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
     if not known:  # beside known effects, what the tolerances are to take up is far above all else
         leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
-    edges = [e for e in afar.edges if all(e.cause != r.proposal.cause for r in leading)]
+    return _fitted_afar(context, afar, place, known, leading, pool, jobs)
+
+
+def _at_edges(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    tried: Sequence[Tried],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+) -> list[Tried]:
+    """Fit the causes whose tolerance the tuning has used up, but those that were tried.
+
+    Beside nothing known whatever is wrong may turn a tolerance to its edge: then only where
+    nothing else closes what is open.
+    """
+    base = afar.place
+    done = {t.proposal.cause for t in tried if t.polished is not None}
+    edges = [e for e in afar.edges if e.cause not in done]
     runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
-    leading += [r for r in runs if r is not None]
+    found = [r for r in runs if r is not None]
+    return _fitted_afar(context, afar, place, known, found, pool, jobs)
+
+
+def _fitted_afar(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    leading: Sequence[Refined],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+) -> list[Tried]:
+    """Fit causes from the machine as described, no tolerance turned."""
     share = max(1, jobs // max(1, len(leading)))
     fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, share), leading)
     found = []

@@ -124,8 +124,7 @@ def walk(
         ]
         afar = look_afar(context, jobs, known) if may_hide(place, context.floor, known) else None
         if afar is not None:
-            # beside nothing known, whatever is wrong turns any tolerance to its edge
-            edges = at_the_edge(afar.proposals, place)[:MOST_EDGES] if known else ()
+            edges = at_the_edge(afar.proposals, place)[:MOST_EDGES]
             afar = replace(afar, proposals=choose(afar.proposals), edges=edges)
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
         if not any(_may_stand(p, found, excess) for p in sought_all):
