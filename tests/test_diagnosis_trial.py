@@ -82,3 +82,36 @@ def test_an_effect_of_one_axle_that_leaves_nothing_needs_no_rival_from_afar(
     unfitted = Tried(Proposal('step_mass', {}, {}, 2000.0), 2000.0, {}, None)
     assert trial.is_closed([second, first, unfitted], None) is is_closed
     assert not trial.is_closed([unfitted], None)
+
+
+@dataclass(frozen=True)
+class Left:
+    """What is left of a recording: chi squared where nothing rattles, and in all."""
+
+    quiet: float
+    chi2: float
+
+    @property
+    def fitted(self):
+        return self
+
+    @property
+    def stage(self):
+        return SimpleNamespace(judged=lambda fitted: fitted.quiet)
+
+
+@pytest.mark.parametrize(
+    ('landing', 'expected'),
+    [
+        (Left(800.0, 3_000.0), 1_000.0),  # explains as much elsewhere, and all of it there
+        (Left(800.0, 9_000.0), 4_200.0),  # some of it there
+        (Left(950.0, 3_000.0), 5_000.0),  # less elsewhere: no rival
+        (Left(800.0, 12_000.0), 5_000.0),  # there it makes worse: dice
+    ],
+)
+def test_a_rails_step_must_explain_more_than_a_rival_does_there(landing, expected):
+    before, after = Left(1_000.0, 10_000.0), Left(900.0, 5_900.0)
+    step = Tried(Proposal('guide_step', {}, {}, 0.0), 5_000.0, {}, Polished(None, after, (), ()))
+    rival = Tried(LANDING, 200.0, {}, Polished(None, landing, (), ()))
+    found = trial.shared(before, [step, rival])
+    assert [t.gain for t in found] == [expected, 200.0]

@@ -8,11 +8,11 @@ from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import approached, fitted_beside, of_machine_among, plain
-from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.floor import Floor, SHAKING
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import polish_whole
+from escalator_twin.diagnosis.polish import polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
@@ -100,8 +100,36 @@ def try_all(
             if known or (is_left and not any(_closes(t, context.floor) for t in fitted_again)):
                 fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
-    tried = sorted(locked(context, place, fitted_again + rest), key=lambda t: -t.gain)
+    tried = shared(place, locked(context, place, fitted_again + rest))
+    tried.sort(key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
+
+
+def shared(place: Beside, tried: Sequence[Tried]) -> list[Tried]:
+    """Take from what acts on a step directly what a rival explains there as well.
+
+    Of most causes a step's x and z are not judged, since rattling rollers roll dice there, and of a
+    rail's step they are. But a landing that is longer by millimetres moves where rollers change tracks:
+    a rail's step there must explain more than that, where the landing explains as much elsewhere.
+    """
+    rivals = [t for t in tried if t.polished is not None and t.proposal.cause not in SHAKING]
+
+    def fair(one: Tried) -> Tried:
+        if one.proposal.cause not in SHAKING or one.polished is None:
+            return one
+        elsewhere, there = _falls(place, one.polished)
+        falls = [_falls(place, t.polished) for t in rivals if t.polished is not None]
+        explained = max((there for rest, there in falls if rest >= elsewhere), default=0.0)
+        return replace(one, gain=one.gain - min(max(explained, 0.0), max(there, 0.0)))
+
+    return [fair(one) for one in tried]
+
+
+def _falls(place: Beside, polished: Polished) -> tuple[float, float]:
+    """Return the fall of chi squared in the channels that no rattling shakes, and in the others."""
+    rows = [(p.stage.judged(p.fitted), p.fitted.chi2) for p in (place, polished.place)]
+    (before, whole_before), (after, whole_after) = rows
+    return before - after, (whole_before - before) - (whole_after - after)
 
 
 def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
