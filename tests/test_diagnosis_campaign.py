@@ -6,16 +6,19 @@ from types import SimpleNamespace
 
 import pytest
 
+from escalator_twin.diagnosis import walk
 from escalator_twin.diagnosis.campaign import (
     choose_scouts,
     decide,
     joint_gain,
     pooled,
+    shared_by,
     told_jointly,
     union_of,
 )
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.signals import Experiment
@@ -166,3 +169,25 @@ def test_gain_is_over_recordings_that_no_size_was_fitted_to():
     doubtful = joint_gain([held(0.4, 1.0), held(-0.5, 5.0), held(-0.1, 4.0)], 1)
     assert not doubtful['held_out']['significant']
     assert joint_gain([], 1)['held_out'] is None
+
+
+def test_what_all_first_scouts_name_is_suggested_to_the_others():
+    turning = replace(drag(axle=7), parameters={'force_N': 90.0, 'phase_rad': 1.0})
+    one = scout(
+        (found(drag(118.0)), 0.9), (found(turning), 0.9), (found(drag(axle=9)), 0.9),
+    )  # fmt: skip
+    two = scout((found(drag(122.0)), 0.8), (found(turning), 0.9), (found(drag(axle=9)), 0.3))
+    (suggested,) = shared_by([one, two])
+    assert suggested.location['axle'] == 44
+    assert suggested.parameters['force_N'] == pytest.approx(120.0)
+
+
+@pytest.mark.parametrize(('sds', 'kept'), [((5.0, 0.2), 2), ((5.0, 4.0), 0)])
+def test_a_suggestion_counts_where_a_recording_has_all_of_it(sds, kept):
+    landing = Proposal(
+        'landing_length', {'which': 'upper'}, {'delta_m': 6e-3}, 1e3, fitted=('delta_m',)
+    )
+    effects = (drag(), landing)
+    spreads = ({'force_N': sds[0]}, {'delta_m': sds[1] * 1e-3})
+    known = walk._confirmed(Polished(None, None, effects, spreads), 0, effects)
+    assert [f.proposal for f in known] == list(effects)[:kept]

@@ -55,6 +55,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
 
     monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
     monkeypatch.setattr(trial, 'is_open', lambda place, *_: place.is_open)
+    monkeypatch.setattr(trial, 'excess_of', lambda *_: 100.0)
     monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried: tried)
     monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
     context = Held(None, Held({}), None)
@@ -115,3 +116,12 @@ def test_a_rails_step_must_explain_more_than_a_rival_does_there(landing, expecte
     rival = Tried(LANDING, 200.0, {}, Polished(None, landing, (), ()))
     found = trial.shared(before, [step, rival])
     assert [t.gain for t in found] == [expected, 200.0]
+
+
+@pytest.mark.parametrize(('left', 'is_riddle'), [(20.0, False), (40.0, True)])
+def test_what_leaves_a_quarter_is_followed(monkeypatch, left, is_riddle):
+    monkeypatch.setattr(trial, 'is_open', lambda *_: True)
+    monkeypatch.setattr(trial, 'excess_of', lambda place, _: place)
+    best = Tried(ROLLING, 200.0, {}, SimpleNamespace(place=left))
+    unfitted = Tried(LANDING, 900.0, {}, None)
+    assert trial.is_riddle(100.0, [best, unfitted], None) is is_riddle

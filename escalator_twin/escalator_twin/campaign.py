@@ -1,15 +1,18 @@
 """Diagnose several recordings of one machine: some searched in full, the others as their proof."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from typing import Any
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.campaign import (
     choose_scouts,
     decide,
+    FIRST,
     Joint,
     joint_gain,
+    shared_by,
     told_jointly,
     union_of,
 )
@@ -33,10 +36,12 @@ def diagnose_bag(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
+    suggested: Sequence[Proposal] = (),
 ) -> Diagnosis:
-    """Diagnose one recording."""
+    """Diagnose one recording; see `diagnose_recording`."""
     machine = load_machine(machine_path)
-    return diagnose_recording(bagfile.read(path, machine), machine, seed, jobs, progress)
+    recording = bagfile.read(path, machine)
+    return diagnose_recording(recording, machine, seed, jobs, progress, suggested)
 
 
 def confirm_bag(path: str, machine_path: str, effects: list[Proposal], seed: int) -> Confirmed:
@@ -92,14 +97,14 @@ def diagnose_together(
         others = [k for k in range(n) if k not in chosen]
         total = SEARCH_COST * len(chosen) + len(others)
         scouts: list[Diagnosis] = []
-        for scout in pool.map(
-            diagnose_bag,
-            [paths[k] for k in chosen],
-            [machine_path] * len(chosen),
-            [seed] * len(chosen),
-        ):
-            scouts.append(scout)
-            tell(SEARCH_COST, total)
+        for some in (chosen[:FIRST], chosen[FIRST:]):
+            suggested = shared_by(scouts) if scouts else []
+            search = partial(
+                diagnose_bag, machine_path=machine_path, seed=seed, suggested=suggested
+            )
+            for scout in pool.map(search, [paths[k] for k in some]):
+                scouts.append(scout)
+                tell(SEARCH_COST, total)
         groups = union_of(scouts)
         effects = [group[0][0].proposal for group in groups]
         confirmed: list[Confirmed] = []

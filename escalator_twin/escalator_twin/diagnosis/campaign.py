@@ -1,8 +1,9 @@
 """Several recordings of one machine: what they say together.
 
 A few recordings, as different as the plan of experiments has them, are searched in full: the
-scouts. What they name is put beside every other recording as it is, which proves it on data that
-no fit has seen, and refines its size.
+scouts; what all of the first ones name is suggested to the others, which fit it and look for more. What
+they name is put beside every other recording as it is, which proves it on data that no fit has
+seen, and refines its size.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,16 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.confirm import Confirmed
 from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import LAW_ERROR, told, told_fault
+from escalator_twin.diagnosis.verdict import neutral_of
 from escalator_twin.signals import Experiment, Floats
 
 SCOUTS = 4
+FIRST = 2  # of them search with nothing suggested
 # One scout in four may name what it alone shows: with three scouts or more, and nobody left to
 # confirm it, a cause needs two of them.
 MANY = 3
@@ -51,7 +54,10 @@ class Joint:
 
 
 def choose_scouts(experiments: Sequence[Experiment | None], most: int = SCOUTS) -> list[int]:
-    """Return the recordings whose experiments differ most, the fastest and fullest first."""
+    """Return the recordings whose experiments differ most, the fastest and fullest first.
+
+    Each next one is as different as can be from those before.
+    """
     if len(experiments) <= most:
         return list(range(len(experiments)))
     rows = np.array([_coordinates(e) for e in experiments])
@@ -63,7 +69,22 @@ def choose_scouts(experiments: Sequence[Experiment | None], most: int = SCOUTS) 
         away = np.abs(rows[:, None, :] - rows[chosen][None, :, :]).sum(axis=2).min(axis=1)
         away[chosen] = -1.0
         chosen.append(int(np.argmax(away)))
-    return sorted(chosen)
+    return chosen
+
+
+def shared_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
+    """Return the effects of the machine that all scouts so far name, with their joint numbers.
+
+    Those of one frequency or angle stay out: each recording has its own phase.
+    """
+    return [
+        pooled([(f.proposal, f.sd) for f, _ in group]).proposal
+        for group in union_of(scouts)
+        if len(group) == len(scouts)
+        and of_machine(group[0][0].proposal)
+        and group[0][0].proposal.fitted
+        and 'phase_rad' not in group[0][0].proposal.parameters
+    ]
 
 
 def _coordinates(experiment: Experiment | None) -> list[float]:
@@ -183,7 +204,7 @@ def _held(scouts: Proposal, others: Sequence[tuple[Proposal, Mapping[str, float]
     if key is None or not sized:
         return None
     found = pooled(sized)
-    neutral = _neutral(scouts, key)
+    neutral = neutral_of(scouts.cause, key)
     theirs = found.proposal.parameters[key] - neutral
     ours = scouts.parameters[key] - neutral
     if found.sd[key] > BLIND * abs(ours):
@@ -193,13 +214,8 @@ def _held(scouts: Proposal, others: Sequence[tuple[Proposal, Mapping[str, float]
 
 def _shows(proposal: Proposal, sd: Mapping[str, float]) -> bool:
     key = proposal.fitted[0] if proposal.fitted else ''
-    way = proposal.parameters.get(key, 0.0) - _neutral(proposal, key)
+    way = proposal.parameters.get(key, 0.0) - neutral_of(proposal.cause, key)
     return sd.get(key, 0.0) > 0.0 and abs(way) > SURE_SD * sd[key]
-
-
-def _neutral(proposal: Proposal, key: str) -> float:
-    neutral = next((p.neutral for p in KNOWN[proposal.cause].parameters if p.name == key), None)
-    return neutral if neutral is not None and np.isfinite(neutral) else 0.0
 
 
 def told_jointly(

@@ -18,6 +18,7 @@ from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.preparation import prepare
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
@@ -85,6 +86,7 @@ def diagnose_recording(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
+    suggested: Sequence[Proposal] = (),
 ) -> Diagnosis:
     """Diagnose one recording.
 
@@ -98,6 +100,8 @@ def diagnose_recording(
         Simulations at a time.
     progress : callable, optional
         Gets (done, total).
+    suggested : sequence of Proposal
+        See `walk`.
 
     Raises
     ------
@@ -112,7 +116,7 @@ def diagnose_recording(
     context, trace, bench = _placed(recording, machine, jobs, tell)
     judgement = judge(context.setting, trace, machine)
     document = recording_document(recording, context.setting, judgement, machine)
-    walked = walk(context, jobs, bench=bench)
+    walked = walk(context, jobs, bench=bench, suggested=suggested)
     if progress is not None:
         progress(9.0, STAGES)
     faults = tuple(faults_of(context.setting, machine))

@@ -19,12 +19,15 @@ from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.turns import best_turn
-from escalator_twin.diagnosis.unexplained import is_open, SIGMAS
+from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
 from escalator_twin.diagnosis.waves import DRIVE, locked, pairs
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
 CLOSEST = 0.85  # the same of what was sought from afar
+# Of what a recording holds above a good machine's: a cause that leaves less is followed, and what else there
+# is comes beside it.
+MOST_LEFT = 0.25
 FIRST_STEPS = 1  # of a contender, before the best is known
 # Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
 # tenth of it is some standard deviations.
@@ -96,8 +99,7 @@ def try_all(
             best = max((t.gain for t in fitted_again), default=0.0)
             level = place.stage.judged(place.fitted) - best
             fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
-            is_left = is_open(place, context.floor, SIGMAS)
-            if known or (is_left and not any(_closes(t, context.floor) for t in fitted_again)):
+            if known or is_riddle(place, fitted_again, context.floor):
                 fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = shared(place, locked(context, place, fitted_again + rest))
@@ -139,6 +141,18 @@ def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
     """
     best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
     return best is not None and best.proposal.cause in LOCAL and _closes(best, floor)
+
+
+def is_riddle(place: Beside, tried: Sequence[Tried], floor: Floor) -> bool:
+    """Tell whether a recording holds more than a good machine's and nothing fitted explains most of it."""
+    if not is_open(place, floor, SIGMAS):
+        return False
+    most = MOST_LEFT * excess_of(place, floor)
+    return not any(
+        _closes(t, floor) or excess_of(t.polished.place, floor) < most
+        for t in tried
+        if t.polished is not None
+    )
 
 
 def _closes(tried: Tried, floor: Floor) -> bool:

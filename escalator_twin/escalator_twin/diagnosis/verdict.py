@@ -49,6 +49,12 @@ class Weighed:
     probability: float
 
 
+def neutral_of(cause: str, key: str) -> float:
+    """Return what a number of a cause is where the cause is not there; 0 where nothing is told."""
+    neutral = next((p.neutral for p in KNOWN[cause].parameters if p.name == key), None)
+    return neutral if neutral is not None and np.isfinite(neutral) else 0.0
+
+
 def size_in_tolerances(proposal: Proposal) -> float:
     """Return how many tolerances a proposal's size is from neutral; infinity without one."""
     total, known = 0.0, False

@@ -20,6 +20,7 @@ from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
     evidence_of,
+    neutral_of,
     size_in_tolerances,
     weigh,
     Weighed,
@@ -95,6 +96,7 @@ def walk(
     start: Sequence[Proposal] = (),
     say: Say | None = None,
     bench: Bench | None = None,
+    suggested: Sequence[Proposal] = (),
 ) -> Walked:
     """Find the effects in one recording.
 
@@ -109,10 +111,18 @@ def walk(
         Gets a line on each round.
     bench : Bench, optional
         Of the machine's kind; that of linked chains where it is not given.
+    suggested : sequence of Proposal
+        Effects of the machine that other recordings of it named. Fitted here before anything is
+        sought; where not all of them are effects here, nothing of it is kept.
     """
     bench = bench or LINKED
     found: list[Found] = []
     before = place = freed(context.place or beside(context), start)
+    if suggested:
+        first = bench.again(context, place, [*start, *suggested], jobs)
+        found = _confirmed(first, len(start), suggested)
+        if found:
+            context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     for _ in range(MOST_ROUNDS):
         if len(found) == MOST_EFFECTS or (found and not is_open(place, context.floor)):
@@ -162,6 +172,22 @@ def walk(
         found = [f for f in refitted(found, polished) if not _is_gone(f.proposal)]
         place = freed(place, [*start, *(f.proposal for f in found)])
     return Walked(tuple(found), before, place, tuple(weighed))
+
+
+def _confirmed(polished: Polished, first: int, suggested: Sequence[Proposal]) -> list[Found]:
+    """Return suggested effects as a recording itself has them; none unless it has all of them.
+
+    What one explains is taken from how many of its standard deviations it is away from none.
+    """
+    found: list[Found] = []
+    rows = list(zip(polished.effects, polished.sd, strict=True))[first:]
+    for effect, sd in rows:
+        key = effect.fitted[0]
+        gain = ((effect.parameters[key] - neutral_of(effect.cause, key)) / sd[key]) ** 2
+        (weighed,) = weigh([(effect, gain)])
+        if weighed.probability >= ACCEPT:
+            found.append(Found(effect, weighed.probability, sd, gain, (weighed,)))
+    return found if len(found) == len(suggested) else []
 
 
 def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
