@@ -47,3 +47,17 @@ def test_what_a_gauges_own_nuisance_had_taken_counts_by_what_that_took(explained
 
 def test_an_effect_that_explains_nothing_explains_nothing(explained):
     assert explained(([1.2, 1.0], 1000.0), ([1.2, 1.0], 1000.0)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ('name', 'size', 'is_stretched'),
+    [
+        ('link_force/a/gain', -3.5, True), ('rotation/x', 3.5, True),
+        ('link_force/a/gain', 2.5, False), ('link_force/a/zero', 40.0, False),
+    ],
+)  # fmt: skip
+def test_an_instrument_beyond_its_tolerance_is_told(name, size, is_stretched):
+    nuisance = SimpleNamespace(names=('course', name, 'effect/2'))
+    stage = SimpleNamespace(nuisance=nuisance)
+    held = SimpleNamespace(stage=stage, fitted=SimpleNamespace(sizes=np.array([9.0, size])))
+    assert unexplained.is_stretched(held) is is_stretched

@@ -8,6 +8,7 @@ import numpy as np
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor, kind_of, SHAKING
 from escalator_twin.diagnosis.split import comb_shares, in_time, loop_correlation
+from escalator_twin.diagnosis.verdict import EFFECT_TOLERANCES
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import frequencies
 from escalator_twin.signals import Floats
@@ -76,6 +77,17 @@ def _kinds(place: Beside) -> list[str]:
 def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
     """Tell whether any channel holds more than a good machine's usually does."""
     return bool((by_channel(place) > limits_of(place, floor, sigmas)).any())
+
+
+def is_stretched(place: Beside) -> bool:
+    """Tell whether an instrument's nuisance is fitted larger than a good instrument has it.
+
+    A gauge's gain hardly resists: 20 of its tolerances cost less than the remainder that they hide.
+    """
+    names = place.stage.nuisance.names
+    sizes = np.abs(place.fitted.sizes[: len(names)])
+    held = [name.endswith('/gain') or name.startswith('rotation/') for name in names]
+    return bool((sizes[held[: len(sizes)]] > EFFECT_TOLERANCES).any())
 
 
 def excess_of(place: Beside, floor: Floor, shaken: bool = False) -> float:

@@ -16,7 +16,7 @@ from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.unexplained import excess_of, is_open
+from escalator_twin.diagnosis.unexplained import excess_of, is_open, is_stretched
 from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
     evidence_of,
@@ -125,7 +125,8 @@ def walk(
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     for _ in range(MOST_ROUNDS):
-        if len(found) == MOST_EFFECTS or (found and not is_open(place, context.floor)):
+        is_left = is_open(place, context.floor) or is_stretched(place)
+        if len(found) == MOST_EFFECTS or (found and not is_left):
             break
         known = [*start, *(f.proposal for f in found)]
         excess = excess_of(place, context.floor)
