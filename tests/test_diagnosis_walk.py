@@ -34,9 +34,12 @@ def as_proposed(_context, _place, _known, chosen, *_):
 def walked(monkeypatch):
     """Return what a walk finds that is given its proposals, simulations and fits."""
 
-    def walk_with(propose, attempt=as_proposed, again=as_they_are, is_open=True):
+    def walk_with(
+        propose, attempt=as_proposed, again=as_they_are, is_open=True, is_stretched=False
+    ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(module, 'is_open', lambda *_: is_open)
+        monkeypatch.setattr(module, 'is_stretched', lambda _: is_stretched)
         monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
         monkeypatch.setattr(module, 'may_hide', lambda *_: False)
         bench = Bench(
@@ -84,3 +87,12 @@ def test_one_gauge_creeps_once(walked):
     again = replace(drift, parameters={'strain': -1e-6, 'curvature': 1.0}, gain=300.0)
     other = replace(drift, location={'link': 'left_b'}, gain=200.0)
     assert walked(lambda *_: [drift, again, other]) == [drift, other]
+
+
+@pytest.mark.parametrize('is_stretched', [True, False])
+def test_what_an_instruments_nuisance_hides_is_sought(walked, is_stretched):
+    friction = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
+    gauge = Proposal('gauge_gain', {'link': 'right_b'}, {'factor': 1.06}, 2e3)
+    rounds = iter([[friction], [gauge], []])
+    found = walked(lambda *_: next(rounds), is_open=False, is_stretched=is_stretched)
+    assert found == [friction, gauge][: 1 + is_stretched]
