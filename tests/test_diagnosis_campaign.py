@@ -191,3 +191,9 @@ def test_a_suggestion_counts_where_a_recording_has_all_of_it(sds, kept):
     spreads = ({'force_N': sds[0]}, {'delta_m': sds[1] * 1e-3})
     known = walk._confirmed(Polished(None, None, effects, spreads), 0, effects)
     assert [f.proposal for f in known] == list(effects)[:kept]
+
+
+def test_a_suggestion_of_which_a_recording_says_nothing_does_not_count():
+    effects = (drag(), drag(axle=9))
+    spreads = ({'force_N': 5.0}, {})
+    assert walk._confirmed(Polished(None, None, effects, spreads), 0, effects) == []

@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 import trials
 
+from escalator_twin.diagnosis import calibrate
 from escalator_twin.diagnosis.calibrate import of_campaign
 from escalator_twin.diagnosis.floor import (
     CELLS,
@@ -205,13 +206,40 @@ def test_a_floor_of_one_recording_is_refused(tmp_path, floor):
         read_floor(path)
 
 
+def several(path, channel, logs, flagged=()):
+    rows = [
+        {
+            'unexplained': {'significant': k in flagged},
+            'residual': {'after': {channel: {'chi2': float(np.exp(log))}}},
+        }
+        for k, log in enumerate(logs)
+    ]
+    path.write_text(json.dumps({'by_recording': rows}))
+    return path
+
+
 def test_another_makers_recordings_count_beside_their_effects(tmp_path):
     machine = trials.prototype()
-    channel = machine.instruments.sensors[0].channel
-    rows = [{'residual': {'after': {channel: {'chi2': float(np.exp(x))}}}} for x in (0.0, 0.2)]
-    path = tmp_path / 'several.json'
-    path.write_text(json.dumps({'by_recording': rows}))
+    sensor = machine.instruments.sensors[0]
+    # the last holds more than what is named in it, and tells nothing of good machines
+    path = several(tmp_path / 'a.json', sensor.channel, (0.0, 0.2, 0.1, 3.0), flagged=[3])
     found = of_campaign(path, machine)
-    assert found.recordings == 2
-    kind = kind_of(machine.instruments.sensors[0])
-    assert found.kinds == {kind: pytest.approx((0.1, 0.2 / 2**0.5))}
+    assert found.recordings == 3
+    assert found.kinds == {kind_of(sensor): pytest.approx((0.1, 0.1))}
+
+
+def test_a_campaign_with_open_ends_calibrates_nothing(tmp_path):
+    machine = trials.prototype()
+    channel = machine.instruments.sensors[0].channel
+    path = several(tmp_path / 'a.json', channel, (0.0, 0.2, 0.1), flagged=[1])
+    with pytest.raises(MachineError, match=r'expected 3 recordings .* found 2'):
+        of_campaign(path, machine)
+
+
+def test_calibration_of_nothing_writes_nothing(tmp_path, monkeypatch, capsys):
+    out = tmp_path / 'floor.yaml'
+    monkeypatch.setattr('sys.argv', ['calibrate', '--out', str(out)])
+    with pytest.raises(SystemExit):
+        calibrate.main()
+    assert 'expected recordings or --beside' in capsys.readouterr().err
+    assert not out.exists()

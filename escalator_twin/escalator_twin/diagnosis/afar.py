@@ -39,8 +39,8 @@ class Afar:
     proposals : list of Proposal
         Best first.
     edges : tuple of Proposal
-        Fitted whatever they promise, see `at_the_edge`: beside known effects always, else where nothing
-        closes what is open.
+        Fitted whatever they promise, see `at_the_edge`: beside known effects always, else where no
+        fit explains most of what is open.
     """
 
     context: Context

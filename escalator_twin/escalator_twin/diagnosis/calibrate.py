@@ -204,16 +204,28 @@ def of_campaign(path: Path, machine: Machine) -> Clean:
     """Return what one machine's recordings look like beside its named effects.
 
     Of another maker, whose machine is not known to be good: what no effect accounts for may be in
-    it, so that the scatter is rather too wide than too narrow.
+    it, so that the scatter is rather too wide than too narrow. A recording in which its own verdict
+    says that something is left is no example of a good one.
 
     Parameters
     ----------
     path : Path
         Of the JSON that ``diagnose`` writes of several recordings.
     machine : Machine
+
+    Raises
+    ------
+    MachineError
+        Where fewer than three recordings hold no more than is named.
     """
     sensors = {s.channel: s for s in machine.instruments.sensors}
     rows = json.loads(path.read_text(encoding='utf-8'))['by_recording']
+    rows = [row for row in rows if not row['unexplained']['significant']]
+    if len(rows) < LEAST_MACHINES:
+        raise MachineError(
+            f'{path}: by_recording: expected {LEAST_MACHINES} recordings with nothing unexplained, '
+            f'found {len(rows)}'
+        )
     logs: dict[str, list[float]] = {}
     for row in rows:
         for channel, found in row['residual']['after'].items():
@@ -233,6 +245,8 @@ def main() -> None:
     parser.add_argument('--out', type=Path)
     parser.add_argument('--jobs', type=int, default=1)
     given = parser.parse_args()
+    if not given.bags and given.beside is None:
+        parser.error('expected recordings or --beside, found neither')
     machine = load_machine(given.machine)
     assert machine.source is not None
     out = given.out or machine.source.with_name(f'{machine.name}_floor.yaml')
@@ -240,6 +254,8 @@ def main() -> None:
         floor = calibrate(given.bags, machine, given.jobs)
     else:
         floor = load_floor(machine)
+        if not floor.groups:
+            parser.error(f'{machine.source}: its floor tells of no good machines: give recordings')
         floor = replace(floor, groups=floor.groups[:1])
     if given.beside:
         floor = replace(floor, groups=(*floor.groups, of_campaign(given.beside, machine)))

@@ -178,12 +178,15 @@ def walk(
 def _confirmed(polished: Polished, first: int, suggested: Sequence[Proposal]) -> list[Found]:
     """Return suggested effects as a recording itself has them; none unless it has all of them.
 
-    What one explains is taken from how many of its standard deviations it is away from none.
+    What one explains is taken from how many of its standard deviations it is away from none; of
+    what this recording says nothing of there is no standard deviation, and it is not one here.
     """
     found: list[Found] = []
     rows = list(zip(polished.effects, polished.sd, strict=True))[first:]
     for effect, sd in rows:
         key = effect.fitted[0]
+        if not sd.get(key):
+            return []
         gain = ((effect.parameters[key] - neutral_of(effect.cause, key)) / sd[key]) ** 2
         (weighed,) = weigh([(effect, gain)])
         if weighed.probability >= ACCEPT:

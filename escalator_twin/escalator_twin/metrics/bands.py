@@ -12,7 +12,6 @@ from escalator_twin.metrics.filters import (
     bridge,
     centred,
     highpass,
-    interpolate,
     lowpass,
     Mask,
     thinning,
@@ -24,11 +23,18 @@ SLOW_HZ = 0.2  # second cut-off for accelerations, Cano-Moreno et al., section V
 SLOW_SAMPLES = 100.0  # per period of SLOW_HZ that the 2 Hz signal keeps for it
 
 
-class Pair(NamedTuple):
-    """A measured and a simulated array of one shape and unit."""
-
+class _Rows(NamedTuple):
     measured: Floats
     simulated: Floats
+
+
+class Pair(_Rows):
+    """A measured and a simulated array of one shape and unit."""
+
+    @cached_property
+    def products(self) -> Products:
+        """What point-by-point scores of the two are made of."""
+        return products(*self)
 
 
 @dataclass(frozen=True)
@@ -98,26 +104,6 @@ class Bands:
         return _less(self.band_kept, self.ripple_kept)
 
     @cached_property
-    def low_products(self) -> Products:
-        """Of `low_kept`."""
-        return products(*self.low_kept)
-
-    @cached_property
-    def band_products(self) -> Products:
-        """Of `band_kept`."""
-        return products(*self.band_kept)
-
-    @cached_property
-    def ripple_products(self) -> Products:
-        """Of `ripple_kept`."""
-        return products(*self.ripple_kept)
-
-    @cached_property
-    def trend_products(self) -> Products:
-        """Of `trend_kept`."""
-        return products(*self.trend_kept)
-
-    @cached_property
     def low_twice(self) -> Pair:
         """`low` of the measurement at the same places, one loop apart."""
         return self._twice(self.low.measured[:: self.track.step])
@@ -132,27 +118,15 @@ class Bands:
         """The trend of the measurement at the same places, one loop apart."""
         return _less(self._twice(self.band.measured), self.ripple_twice)
 
-    @cached_property
-    def low_twice_products(self) -> Products:
-        """Of `low_twice`."""
-        return products(*self.low_twice)
-
-    @cached_property
-    def ripple_twice_products(self) -> Products:
-        """Of `ripple_twice`."""
-        return products(*self.ripple_twice)
-
-    @cached_property
-    def trend_twice_products(self) -> Products:
-        """Of `trend_twice`."""
-        return products(*self.trend_twice)
-
     def _twice(self, thin: Floats) -> Pair:
         """Return ``thin``, every ``track.step``-th sample, at the track's pairs of passages."""
         first, second = self.track.passages
         valid = self.valid[:: self.track.step]
         real = valid[first] & valid[np.rint(second).astype(np.int64)]
-        return Pair(thin[first[real]], interpolate(thin, second[real]))
+        again = self.track.second_places.of(thin)
+        if real.all():
+            return Pair(thin[first], again)
+        return Pair(thin[first[real]], again[real])
 
     def _valid(self, pair: Pair, kept: slice, step: int) -> Pair:
         """Return the samples of ``pair`` in ``kept`` that are real."""

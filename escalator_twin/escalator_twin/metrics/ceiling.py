@@ -19,14 +19,14 @@ def ceiling_r_time(bands: Bands) -> float | None:
     reaches about the square root of it. ``None`` where less than a quarter of a loop was
     passed twice.
     """
-    return None if ceiling_share(bands) is None else bands.low_twice_products.correlation
+    return None if ceiling_share(bands) is None else bands.low_twice.products.correlation
 
 
 def ripple_ceiling(bands: Bands) -> float | None:
     """Return the same as `ceiling_r_time` for the ripple."""
-    return None if ceiling_share(bands) is None else bands.ripple_twice_products.correlation
+    return None if ceiling_share(bands) is None else bands.ripple_twice.products.correlation
 
 
 def trend_ceiling(bands: Bands) -> float | None:
     """Return the same as `ceiling_r_time` for the trend."""
-    return None if ceiling_share(bands) is None else bands.trend_twice_products.correlation
+    return None if ceiling_share(bands) is None else bands.trend_twice.products.correlation

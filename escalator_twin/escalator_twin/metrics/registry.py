@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 from escalator_twin.metrics.agreement import (
-    correlation,
     spectrum_correlation,
     SPECTRUM_SAMPLES,
 )
@@ -70,9 +69,9 @@ def _orders(bands: Bands) -> list[Values]:
 def _share_of_ceiling(bands: Bands) -> Values:
     """Return the correlations as shares of what the measurement reaches against itself."""
     return {
-        'r_time': _share(bands.low_products.correlation, ceiling_r_time(bands)),
-        'ripple_r': _share(bands.ripple_products.correlation, ripple_ceiling(bands)),
-        'trend_r': _share(bands.trend_products.correlation, trend_ceiling(bands)),
+        'r_time': _share(bands.low_kept.products.correlation, ceiling_r_time(bands)),
+        'ripple_r': _share(bands.ripple_kept.products.correlation, ripple_ceiling(bands)),
+        'trend_r': _share(bands.trend_kept.products.correlation, trend_ceiling(bands)),
     }
 
 
@@ -92,31 +91,31 @@ def _share(score: float | None, ceiling: float | None) -> float | None:
 
 METRICS: dict[str, Metric] = {
     # contracts.md, JSON of `compare`
-    'r_time': lambda bands: bands.low_products.correlation,
+    'r_time': lambda bands: bands.low_kept.products.correlation,
     'r_freq': _r_freq,
-    'nrmse': lambda bands: bands.low_products.nrmse,
+    'nrmse': lambda bands: bands.low_kept.products.nrmse,
     'lag_s': _lag_s,
     'ceiling_r_time': ceiling_r_time,
     'ceiling_share': ceiling_share,
-    'ripple_r': lambda bands: bands.ripple_products.correlation,
-    'ripple_nrmse': lambda bands: bands.ripple_products.nrmse,
+    'ripple_r': lambda bands: bands.ripple_kept.products.correlation,
+    'ripple_nrmse': lambda bands: bands.ripple_kept.products.nrmse,
     'ripple_ceiling': ripple_ceiling,
     'orders': _orders,
     # accelerations below 0.2 Hz, Cano-Moreno et al., section V.B
-    'r_time_slow': lambda bands: correlation(*bands.slow),
+    'r_time_slow': lambda bands: bands.slow.products.correlation,
     # 20 Hz low-pass, as `nrmse_band_*` of `diagnose`
-    'r_band': lambda bands: bands.band_products.correlation,
-    'nrmse_band': lambda bands: bands.band_products.nrmse,
+    'r_band': lambda bands: bands.band_kept.products.correlation,
+    'nrmse_band': lambda bands: bands.band_kept.products.nrmse,
     # mean, trend and ripple apart; a mean is an instrument's zero and no agreement
     'mean_difference': lambda bands: bands.mean[1] - bands.mean[0],
-    'trend_r': lambda bands: bands.trend_products.correlation,
-    'trend_nrmse': lambda bands: bands.trend_products.nrmse,
+    'trend_r': lambda bands: bands.trend_kept.products.correlation,
+    'trend_nrmse': lambda bands: bands.trend_kept.products.nrmse,
     'trend_ceiling': trend_ceiling,
     # scores as shares of what the measurement reaches against itself
     'share_of_ceiling': _share_of_ceiling,
     # standard scores, signals below 2 Hz
-    'sprague_geers': lambda bands: sprague_geers(bands.low_products),
-    'theil': lambda bands: theil(bands.low_products),
+    'sprague_geers': lambda bands: sprague_geers(bands.low_kept.products),
+    'theil': lambda bands: theil(bands.low_kept.products),
     'area_metric': _area_metric,
     'iso_18571': iso_18571,
 }

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from escalator_twin.errors import SynchronisationError
-from escalator_twin.metrics.filters import thinning
+from escalator_twin.metrics.filters import Places, places_at, thinning
 from escalator_twin.signals import Floats
 
 LOW_HZ = 2.0  # low-pass of the comparison, Cano-Moreno et al., section V
@@ -126,7 +126,7 @@ class Track:
         inside = thin_slice(self.inside, self.step)
         x = self.travel_m[:: self.step]
         here = x[inside]
-        if len(here) < 2:
+        if len(here) < 2 or len(x) < 4:  # a cubic needs four
             return np.zeros(0, dtype=np.int64), np.zeros(0)
         n = int(np.searchsorted(here, here[-1] - self.loop_m, side='right'))
         spacing = (here[-1] - here[0]) / (len(here) - 1)
@@ -135,6 +135,12 @@ class Track:
         index = np.arange(len(here), dtype=np.float64)
         second = np.interp(here[first] + self.loop_m, here, index)
         return inside.start + first, inside.start + second
+
+    @cached_property
+    def second_places(self) -> Places:
+        """The second of `passages` in a thinned row, with what interpolation needs there."""
+        count = -(-len(self.travel_m) // self.step)
+        return places_at(self.passages[1], count)
 
     @cached_property
     def order_step(self) -> int:

@@ -21,7 +21,7 @@ Turn = TypeVar('Turn', int, np.ndarray)
 
 # Run before the pitch that is kept, beyond what every start settles, and a pitch at least. Forces of a loop
 # are then as near to those after nine pitches as any two runs are, whose rollers rattle: 0.2 to 0.6 N
-# (four experiments from 0.23 to 0.5 m/s; 0.8 s would leave 1 N at 0.5 m/s).
+# (five settings from 0.23 to 0.5 m/s; 0.8 s would leave 1 N at 0.5 m/s).
 LEAD_S = 1.6
 # The same where a running machine goes on over another rail, whose carriage swings that out: at 0.5 m/s
 # forces were off by 2 N after 3.3 s, by 0.5 N after 4.8 s, 150 N being what the rail does.
