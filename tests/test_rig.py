@@ -27,7 +27,7 @@ pytestmark = pytest.mark.issue(4)
 
 TESTS = Path(__file__).resolve().parent
 RIG_FILES = sorted((TESTS / 'rig').glob('*.py'))
-ALLOWED = {'rig', 'numpy', 'scipy', 'numba', 'yaml', 'rosbags'}
+ALLOWED = {'rig', 'numpy', 'scipy', 'numba', 'yaml', 'rosbags', 'threadpoolctl'}
 CASE = Case(0.5, 1, 75.0, 3000.0)
 SHORT_S = 3.0  # s, of the recordings made here
 COARSE_S = 5e-4  # s, integration step where only a change is looked for

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from rig.bagfile import Recording, write_bag
 from rig.causes import MACHINE_CAUSES
@@ -90,6 +91,8 @@ def apply_effects(model: Model, order: Order, rng: np.random.Generator) -> Model
     return model
 
 
+# More threads add up in another order: the last digits would hang on how many the machine has.
+@threadpool_limits.wrap(limits=1, user_api='blas')
 def make(order: Order) -> Made:
     """Run the machine and record it."""
     rng = streams(order)
