@@ -125,3 +125,34 @@ def test_what_leaves_a_quarter_is_followed(monkeypatch, left, is_riddle):
     best = Tried(ROLLING, 200.0, {}, SimpleNamespace(place=left))
     unfitted = Tried(LANDING, 900.0, {}, None)
     assert trial.is_riddle(100.0, [best, unfitted], None) is is_riddle
+
+
+@pytest.mark.parametrize(
+    ('cause', 'gain', 'is_open', 'goes_on'),
+    [
+        ('roller_flat', 4e3, True, True),
+        # how the chain swings in a wave of the drive is a matter of the tolerances as well
+        ('drive_ripple', 4e3, True, True),
+        ('drive_ripple', 4e3, False, False),  # nothing left to fit
+        ('drive_ripple', 200.0, True, False),  # what is left is noise
+        (
+            'tensioner_friction',
+            4e3,
+            True,
+            False,
+        ),  # fitted with its own tolerances' effects already
+    ],
+)
+def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
+    monkeypatch, cause, gain, is_open, goes_on
+):
+    judged = SimpleNamespace(judged=lambda fitted, _cause: fitted)
+    before, whole = (SimpleNamespace(stage=judged, fitted=x) for x in (9e3, 9e3 - gain - 100.0))
+    first, better = (Proposal(cause, {}, {'x': x}, gain) for x in (1.0, 2.0))
+    fit = Polished(SimpleNamespace(floor=None), SimpleNamespace(), (first,), ({'x': 0.1},))
+    monkeypatch.setattr(trial, 'is_open', lambda *_: is_open)
+    done = Polished(None, whole, (better,), ({'x': 0.2},))
+    monkeypatch.setattr(trial, 'polish_whole', lambda *_: done)
+    settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
+    assert settled.proposal is (better if goes_on else first)
+    assert settled.gain == (gain + 100.0 if goes_on else gain)

@@ -190,8 +190,8 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     Where no more is left than a good machine leaves, there is nothing to fit.
     """
     polished, cause = tried.polished, tried.proposal.cause
-    if polished is None or cause not in LOCAL or cause in DRIVE or tried.gain < LARGE:
-        return tried  # beside a wave of the drive, tolerances do what they do without
+    if polished is None or cause not in LOCAL or tried.gain < LARGE:
+        return tried
     if not is_open(polished.place, polished.context.floor):
         return tried
     _, fixed = of_machine_among(known)
