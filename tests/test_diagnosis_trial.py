@@ -1,5 +1,6 @@
 """What is fitted from the machine as described: what promises most, and what a tolerance stands in for."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -156,3 +157,26 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
     assert settled.proposal is (better if goes_on else first)
     assert settled.gain == (gain + 100.0 if goes_on else gain)
+
+
+@pytest.mark.parametrize(
+    ('known', 'is_fitted'),
+    [
+        ([], False),
+        ([Proposal('roller_flat', {'axle': 3, 'side': 'left'}, {}, 9e4)], False),
+        ([Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.09}, 9e4)], False),
+        ([FRICTION], True),  # the tuned tolerances are another machine's
+    ],
+)
+def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
+    monkeypatch, known, is_fitted
+):
+    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setattr(trial, '_fitted_afar', lambda *given: given[4])
+    stage = SimpleNamespace(judged=lambda _: 2.6e3)
+    afar = Afar(None, SimpleNamespace(stage=stage, model=None, fitted=None), [ROLLING])
+    with ThreadPoolExecutor(1) as pool:
+        found = trial._tried_afar(None, afar, None, known, pool, 1, level=1e3)
+    assert bool(found) is is_fitted

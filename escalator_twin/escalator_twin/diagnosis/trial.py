@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import approached, fitted_beside, of_machine_among, plain
 from escalator_twin.diagnosis.floor import Floor, SHAKING
 from escalator_twin.diagnosis.frames import best_frame
-from escalator_twin.diagnosis.free import freed
+from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
@@ -276,7 +276,8 @@ def _tried_afar(
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
-    if not known:  # beside known effects, what the tolerances are to take up is far above all else
+    # beside what changes the whole machine, what the tolerances are to take up is far above all else
+    if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
     return _fitted_afar(context, afar, place, known, leading, pool, jobs)
 
