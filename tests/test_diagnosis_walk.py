@@ -96,3 +96,19 @@ def test_what_an_instruments_nuisance_hides_is_sought(walked, is_stretched):
     rounds = iter([[friction], [gauge], []])
     found = walked(lambda *_: next(rounds), is_open=False, is_stretched=is_stretched)
     assert found == [friction, gauge][: 1 + is_stretched]
+
+
+def test_what_cannot_be_more_than_an_accepted_law_leaves_is_not_run(walked):
+    flat = Proposal('roller_flat', {'axle': 37, 'side': 'left'}, {'depth_m': 6e-4}, 6.7e4)
+    wave = Proposal('drive_ripple', {}, {'relative_amplitude': 2e-3}, 190.0)
+    gauge = Proposal('gauge_gain', {'link': 'right_b'}, {'factor': 1.06}, 300.0)
+    rounds = iter([[flat], [gauge, wave], []])
+    runs = []
+
+    def attempt(_context, _place, _known, chosen, *_):
+        runs.append([p.cause for p in chosen])
+        return [Tried(p, p.gain, dict(p.sd)) for p in chosen]
+
+    found = walked(lambda *_: next(rounds), attempt)
+    assert found == [flat, gauge]
+    assert runs == [['roller_flat'], []]

@@ -141,7 +141,11 @@ def walk(
         if not any(_may_stand(p, found, excess) for p in sought_all):
             weighed = weigh(_candidates(proposals, []))
             break
-        chosen = [p for p in choose(proposals) if not _is_hopeless(p, proposals)]
+        chosen = [
+            p
+            for p in choose(proposals)
+            if _may_stand(p, found, excess) and not _is_hopeless(p, proposals)
+        ]
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
