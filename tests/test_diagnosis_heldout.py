@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trials
 
+from escalator_twin.diagnosis import scores
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.free import creep, freed
@@ -318,6 +319,17 @@ def test_the_bootstrap_depends_on_its_seed_alone():
     assert one.gain_low == again.gain_low
     assert one.gain_low != other.gain_low
     assert replace(one, gain_low=0.0, gain_high=0.0) == replace(other, gain_low=0.0, gain_high=0.0)
+
+
+@pytest.mark.parametrize('acts', [0.99, 1.0])
+def test_the_gain_is_counted_where_an_effect_acts(monkeypatch, acts):
+    monkeypatch.setattr(scores, 'ACTS', acts)
+    # everywhere else the law is wrong by a third of the noise: a draw may hold nothing but that
+    wrong = 0.33 * spread() * np.sin(0.9 * np.arange(N))[:, None] * FORCES
+    found = held(passing(N, AXLE) + wrong, effect())
+    assert found.significant is (acts < 1.0)
+    assert found.blocks == (6 if acts < 1.0 else 14)
+    assert ('act in 6 of 14 blocks' in found.split) is (acts < 1.0)
 
 
 def test_the_wrong_sign_gains_nothing():

@@ -152,8 +152,14 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     first, better = (Proposal(cause, {}, {'x': x}, gain) for x in (1.0, 2.0))
     fit = Polished(SimpleNamespace(floor=None), SimpleNamespace(), (first,), ({'x': 0.1},))
     monkeypatch.setattr(trial, 'is_open', lambda *_: is_open)
+    monkeypatch.setattr(trial, 'excess_of', lambda *_: 1e3)
     done = Polished(None, whole, (better,), ({'x': 0.2},))
-    monkeypatch.setattr(trial, 'polish_whole', lambda *_: done)
+
+    def polish_whole(_polished, _known, _free, _jobs, worth):
+        assert worth == 50.0  # a twentieth of what is left, however much the effect explains
+        return done
+
+    monkeypatch.setattr(trial, 'polish_whole', polish_whole)
     settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
     assert settled.proposal is (better if goes_on else first)
     assert settled.gain == (gain + 100.0 if goes_on else gain)

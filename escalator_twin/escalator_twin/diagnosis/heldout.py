@@ -69,7 +69,7 @@ def hold_out(
     slow = slow_of(bare, effects)
     seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
-    return scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0))
+    return scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0), change)
 
 
 def _with_columns(stage: Stage) -> Stage:

@@ -32,7 +32,9 @@ FIRST_STEPS = 1  # of a contender, before the best is known
 # Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
 # tenth of it is some standard deviations.
 LARGE = 300.0
-WORTH = 0.01  # of an effect's gain: a step with all tolerances run beside it that gains less is the last
+# Of what is left above a good machine's: a step with all tolerances run beside the effect that gains less
+# is the last.
+WORTH = 0.05
 # Whose ends, angle or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'roller_flat': best_turn, 'truss_resonance': best_frame}
 # Whose sides look alike but for the axle's racking.
@@ -192,10 +194,12 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     polished, cause = tried.polished, tried.proposal.cause
     if polished is None or cause not in LOCAL or tried.gain < LARGE:
         return tried
-    if not is_open(polished.place, polished.context.floor):
+    floor = polished.context.floor
+    if not is_open(polished.place, floor):
         return tried
     _, fixed = of_machine_among(known)
-    whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs, WORTH * tried.gain)
+    worth = WORTH * excess_of(polished.place, floor)
+    whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs, worth)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:
