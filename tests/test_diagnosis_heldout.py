@@ -328,8 +328,8 @@ def test_the_gain_is_counted_where_an_effect_acts(monkeypatch, acts):
     wrong = 0.33 * spread() * np.sin(0.9 * np.arange(N))[:, None] * FORCES
     found = held(passing(N, AXLE) + wrong, effect())
     assert found.significant is (acts < 1.0)
-    assert found.blocks == (6 if acts < 1.0 else 14)
-    assert ('act in 6 of 14 blocks' in found.split) is (acts < 1.0)
+    assert found.blocks == (8 if acts < 1.0 else 14)
+    assert ('act in 8 of 56 blocks cut in 4' in found.split) is (acts < 1.0)
 
 
 def test_the_wrong_sign_gains_nothing():

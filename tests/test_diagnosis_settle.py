@@ -24,7 +24,7 @@ FRICTION, BOUNCE, GAUGE = (
     found('tensioner_friction', 12_000.0), found('truss_resonance', 575.0),
     found('gauge_gain', 310.0),
 )  # fmt: skip
-GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True}
+GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True, 'gain_low': 0.9}
 
 
 def of_gauges(count):
@@ -37,12 +37,15 @@ def of_gauges(count):
 def named(monkeypatch):
     """Return what is named of three effects."""
 
-    def settle(significant=False, explained=1.0, held=None, above=1e6, shaken=0.0, gauges=4):
+    def settle(
+        significant=False, explained=1.0, held=None, above=1e6, shaken=0.0, gauges=4,
+        effects=(FRICTION, BOUNCE, GAUGE),
+    ):  # fmt: skip
         monkeypatch.setattr(
             diagnose, 'hold_out', lambda *_: SimpleNamespace(**{**GAINED, **(held or {})})
         )
         walked = SimpleNamespace(
-            found=(FRICTION, BOUNCE, GAUGE), after=None,
+            found=effects, after=None,
             before=SimpleNamespace(stage=SimpleNamespace(turned={})),
         )  # fmt: skip
         rest = Unexplained(significant, 0.1, explained, {}, above, shaken)
@@ -88,6 +91,18 @@ def test_a_candidate_is_told_where_nothing_was_accepted(gain):
 
 def test_a_remainder_that_nothing_explains_takes_all_names(named):
     assert named(significant=True, explained=0.2) == set()
+
+
+@pytest.mark.parametrize(
+    ('gain_low', 'significant', 'expected'),
+    [(0.9, True, {'gauge_gain'}), (0.1, True, set()), (0.9, False, set())],
+)
+def test_an_instruments_fault_explains_what_it_does_beside_a_good_instruments(
+    named, gain_low, significant, expected
+):
+    # its own nuisance has taken it at a small price, and a rail's waves are left in another channel
+    held = {'gain_low': gain_low, 'significant': significant}
+    assert named(significant=True, explained=0.0, held=held, effects=(GAUGE,)) == expected
 
 
 def test_a_leftover_is_small_beside_its_kin_and_a_gauge_is_never_one():

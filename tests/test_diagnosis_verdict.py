@@ -133,8 +133,9 @@ def test_every_cause_can_be_weighed():
 @pytest.mark.parametrize(
     ('cause', 'parameters', 'times'),
     [
-        ('tensioner_stiffness', {'factor': 1.4}, 0.943),  # log 1.4 over log 1 / 0.7
-        ('tensioner_stiffness', {'factor': 4.4}, 4.15),
+        ('tensioner_stiffness', {'factor': 0.4}, 2.57),  # log 2.5 over log 1 / 0.7
+        ('tensioner_stiffness', {'factor': 1.8}, 2.0),  # 0.8 over 0.4
+        ('tensioner_stiffness', {'factor': 2.29}, 3.225),
         ('landing_length', {'delta_m': -1.2e-2}, 2.0),
         ('load_distribution', {'load_factor': 0.0}, 1.0),
         (

@@ -193,9 +193,14 @@ def settle(
     start = bench.begin(walked.before, effects)
     held = hold_out(context, walked.after, effects, seed, start)
     factor = 1.0
-    if rest.significant and rest.explained < 1.0:
+    explained = rest.explained
+    if held.significant and not any(of_machine(effect) for effect in effects):
+        # an instrument's own nuisance takes its fault at a small price: beside a good instrument's, which is
+        # what is held out without it, the fault explains more
+        explained = max(explained, held.gain_low)
+    if rest.significant and explained < 1.0:
         # what stays open speaks against the names, the more of it the more
-        factor *= float(np.clip(rest.explained / ENOUGH - 0.5, 0.0, 1.0)) ** 0.5
+        factor *= float(np.clip(explained / ENOUGH - 0.5, 0.0, 1.0)) ** 0.5
     if held.channels is not None and (held.worse or not held.significant):
         factor *= REFUSED
     if held.channels is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ ACTS = (
 # What a wrong law changes is for better or worse by chance: fewer blocks than six are all for the better
 # more often than the 2.5 % that the interval leaves below.
 LEAST_BLOCKS = 6
+PARTS = (1, 2, 4, 8)  # of a block, where the effects act in fewer
 Seen = tuple[slice, Floats, Floats]  # of a block; what is left without and with effects
 
 
@@ -33,7 +35,7 @@ class HeldOut:
     split : str
         How it was split, or why it was not.
     blocks : int
-        In which the effects act: over them the gain is counted.
+        In which the effects act, or parts of them: over them the gain is counted.
     channels : mapping, or None where there is no second look
     gain_low, gain_high : float
         95 % interval, over blocks, of the relative fall of the squared residual.
@@ -134,8 +136,14 @@ def scored(
     picks = rng.integers(0, len(seen), (DRAWS, len(seen)))
     drawn = energy[picks].sum(axis=1)
     as_it_is = plainly[picks].sum(axis=1)
-    acting = _acting(stage, [block for block, _, _ in seen], change, channels_used)
-    there = energy[acting].sum(axis=2)
+    cuts, acting = _acting(stage, [block for block, _, _ in seen], change, channels_used)
+    counts = observation.valid & channels_used
+    there = np.array(
+        [
+            [np.sum((whitened[id(rows)][part] * counts[part]) ** 2) for rows in seen[i][1:]]
+            for i, part in acting
+        ]
+    )
     again = rng.integers(0, len(there), (DRAWS, len(there)))
     low_gain, high_gain = _interval(there[again].sum(axis=1))
     worse = [
@@ -147,25 +155,50 @@ def scored(
         and _is_worse(drawn[:, :, k])
         and _is_worse(as_it_is[:, :, k])
     ]
-    if len(acting) < len(seen):
-        split = f'{split}; the effects act in {len(acting)} of {len(seen)} blocks'
+    if len(acting) < cuts * len(seen):
+        unit = 'blocks' if cuts == 1 else f'blocks cut in {cuts}'
+        split = f'{split}; the effects act in {len(acting)} of {cuts * len(seen)} {unit}'
     return HeldOut(split, len(acting), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
 
 
 def _acting(
     stage: Stage, blocks: Sequence[slice], change: Floats | None, channels_used: np.ndarray
-) -> list[int]:
-    """Return the fewest blocks that hold nearly all of what effects do in some channels, six at least."""
+) -> tuple[int, list[tuple[int, slice]]]:
+    """Return the fewest blocks or parts of blocks that hold nearly all of what effects do.
+
+    A rail's step is felt by one step's accelerometer for a tenth of a second a loop, in one block. Blocks
+    are cut until there are six parts; where there never are, it is the six whole blocks with most.
+
+    Returns
+    -------
+    parts : int
+        In which every block is cut.
+    acting : list of (int, slice)
+        Of which block, and where.
+    """
+    every = list(enumerate(blocks))
     if change is None:
-        return list(range(len(blocks)))
-    white = _whitened(stage, change)[:, channels_used]
-    energy = np.array([np.sum(white[block] ** 2) for block in blocks])
-    order = np.argsort(-energy, kind='stable')
-    held = np.cumsum(energy[order])
-    if held[-1] <= 0.0:
-        return list(range(len(blocks)))
-    count = max(int(np.searchsorted(held, ACTS * held[-1])) + 1, LEAST_BLOCKS)
-    return sorted(order[:count].tolist())
+        return 1, every
+    white = np.sum(_whitened(stage, change)[:, channels_used] ** 2, axis=1)
+    for parts in PARTS:
+        cut = [(i, part) for i, block in every for part in _cut(block, parts)]
+        energy = np.array([np.sum(white[part]) for _, part in cut])
+        order = np.argsort(-energy, kind='stable')
+        held = np.cumsum(energy[order])
+        if held[-1] <= 0.0:
+            return 1, every
+        count = int(np.searchsorted(held, ACTS * held[-1])) + 1
+        if parts == PARTS[0]:
+            whole = [every[k] for k in sorted(order[: max(count, LEAST_BLOCKS)].tolist())]
+        if count >= LEAST_BLOCKS:
+            return parts, [cut[k] for k in sorted(order[:count].tolist())]
+    return 1, whole
+
+
+def _cut(block: slice, parts: int) -> list[slice]:
+    """Return a block's equal parts."""
+    edges = np.linspace(block.start, block.stop, parts + 1).round().astype(int)
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def _interval(drawn: Floats) -> tuple[float, float]:

@@ -38,7 +38,7 @@ WORTH = 0.05
 # Whose ends, angle or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'roller_flat': best_turn, 'truss_resonance': best_frame}
 # Whose sides look alike but for the axle's racking.
-SIDED = ('roller_drag', 'link_stiffness', 'guide_step')
+SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
 
 
 Worth = Callable[[str, float], bool]

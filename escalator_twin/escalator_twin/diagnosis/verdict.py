@@ -73,7 +73,8 @@ def size_in_tolerances(proposal: Proposal) -> float:
 def size_in_references(proposal: Proposal) -> float:
     """Return how many times the largest reference of its cause a proposal's size is; 0 without one.
 
-    Factors count by their logarithm.
+    Factors count by their logarithm or as they are, whichever is more: a spring 2.3 times as stiff is
+    130 % away, where a reference of 0.7 is 30 %.
     """
     cause = KNOWN[proposal.cause]
     times = [0.0]
@@ -82,11 +83,13 @@ def size_in_references(proposal: Proposal) -> float:
         if neutral is None or not np.isfinite(neutral) or name not in proposal.parameters:
             continue
         references = [row[name] for row in cause.references if name in row]
-        ways = np.array([proposal.parameters[name], *references], float)
-        # a load factor of 0 is an empty step: no ratio
-        ways = np.log(np.maximum(ways, 1e-3) / neutral) if name == 'factor' else ways - neutral
-        if np.any(ways[1:]):
-            times.append(float(abs(ways[0]) / np.abs(ways[1:]).max()))
+        sizes = np.array([proposal.parameters[name], *references], float)
+        measures = [sizes - neutral]
+        if name == 'factor':  # a load factor of 0 is an empty step: no ratio
+            measures.append(np.log(np.maximum(sizes, 1e-3) / neutral))
+        times += [
+            float(abs(ways[0]) / np.abs(ways[1:]).max()) for ways in measures if np.any(ways[1:])
+        ]
     return max(times)
 
 
