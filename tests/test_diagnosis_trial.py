@@ -10,6 +10,7 @@ from escalator_twin.diagnosis import trial
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.tried import Tried
 
 pytestmark = pytest.mark.issue(7)
@@ -186,3 +187,24 @@ def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
     with ThreadPoolExecutor(1) as pool:
         found = trial._tried_afar(None, afar, None, known, pool, 1, level=1e3)
     assert bool(found) is is_fitted
+
+
+@pytest.mark.parametrize(
+    ('cause', 'tried'), [('roller_flat', ['right']), ('roller_drag', ['right']), ('step_mass', [])]
+)
+def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, tried):
+    stage = SimpleNamespace(turned={'racking': 1.2})
+    fit = Polished(None, SimpleNamespace(stage=stage), (), ())
+    left = Proposal(cause, {'axle': 38, 'side': 'left'}, {'x': 1.0}, 4e4)
+    done = []
+
+    def fitted_beside(_context, _place, _known, refined, turned, _jobs):
+        done.append(refined.proposal.location['side'])
+        assert turned == stage.turned  # from where the first one ended
+        return Tried(refined.proposal, 5e4, {}, fit)
+
+    monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
+    refined = [Refined(left, None, None, 4e4, {}, None, ())]
+    found = trial._other_sides(None, (), refined, [Tried(left, 4e4, {}, fit)], 1)
+    assert done == tried
+    assert [t.proposal.location['axle'] for t in found] == [38] * len(tried)
