@@ -24,7 +24,7 @@ FRICTION, BOUNCE, GAUGE = (
     found('tensioner_friction', 12_000.0), found('truss_resonance', 575.0),
     found('gauge_gain', 310.0),
 )  # fmt: skip
-GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True, 'gain_low': 0.9}
+GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True, 'whole_low': 0.9}
 
 
 def of_gauges(count):
@@ -94,14 +94,14 @@ def test_a_remainder_that_nothing_explains_takes_all_names(named):
 
 
 @pytest.mark.parametrize(
-    ('gain_low', 'significant', 'expected'),
+    ('whole_low', 'significant', 'expected'),
     [(0.9, True, {'gauge_gain'}), (0.1, True, set()), (0.9, False, set())],
 )
 def test_an_instruments_fault_explains_what_it_does_beside_a_good_instruments(
-    named, gain_low, significant, expected
+    named, whole_low, significant, expected
 ):
     # its own nuisance has taken it at a small price, and a rail's waves are left in another channel
-    held = {'gain_low': gain_low, 'significant': significant}
+    held = {'whole_low': whole_low, 'significant': significant}
     assert named(significant=True, explained=0.0, held=held, effects=(GAUGE,)) == expected
 
 

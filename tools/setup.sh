@@ -139,3 +139,21 @@ if [[ "$(cat "$stamp" 2>/dev/null)" != "$workspace_wanted" ]]; then
     )
     echo "$workspace_wanted" >"$stamp"
 fi
+
+# --- compiled physics ----------------------------------------------------------------------------
+
+# The first run of each kind of machine compiles its physics: not in somebody's first diagnosis.
+physics=escalator_twin/escalator_twin/physics
+compiled_wanted="$( (echo "$packages_wanted"; find "$physics" -name '*.py' -print0 | sort -z | xargs -0 cat) | sha256sum)"
+if [[ "$(cat "$venv/.compiled" 2>/dev/null)" != "$compiled_wanted" ]]; then
+    say 'physics, compiled once (half a minute)'
+    tried="$(mktemp -d)"
+    trap 'rm -rf "$tried"' EXIT
+    for machine in prototype kwon; do
+        "$venv/bin/escalator-twin" simulate --machine "config/machines/$machine.yaml" \
+            --case speed=0.5,direction=up,load=75,preload=3000 --duration 1 \
+            --out "$tried/$machine" >"$tried/$machine.log" 2>&1 \
+            || die "the physics of config/machines/$machine.yaml does not run:" "$(cat "$tried/$machine.log")"
+    done
+    echo "$compiled_wanted" >"$venv/.compiled"
+fi

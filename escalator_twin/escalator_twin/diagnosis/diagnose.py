@@ -197,7 +197,7 @@ def settle(
     if held.significant and not any(of_machine(effect) for effect in effects):
         # an instrument's own nuisance takes its fault at a small price: beside a good instrument's, which is
         # what is held out without it, the fault explains more
-        explained = max(explained, held.gain_low)
+        explained = max(explained, held.whole_low)
     if rest.significant and explained < 1.0:
         # what stays open speaks against the names, the more of it the more
         factor *= float(np.clip(explained / ENOUGH - 0.5, 0.0, 1.0)) ** 0.5

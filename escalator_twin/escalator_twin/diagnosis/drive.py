@@ -1,5 +1,6 @@
 """Ripple and hunting of the drive: one run, then locked to travel or to time."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,12 @@ QUARTER = 0.5 * np.pi
 
 
 def refine_drive(
-    stage: Stage, base: Floats, fitted: Fitted, hunting: Proposal, ripple: Proposal
+    stage: Stage,
+    base: Floats,
+    fitted: Fitted,
+    hunting: Proposal,
+    ripple: Proposal,
+    jobs: int = 1,
 ) -> tuple[Refined, Refined]:
     """Fit amplitude, phase and frequency of a wave of the drive's speed, once for each lock.
 
@@ -31,15 +37,22 @@ def refine_drive(
         What that leaves, with the nuisance.
     hunting, ripple : Proposal
         Of the same frequency.
+    jobs : int
+        Simulations at a time.
     """
     return (
-        refine_wave(stage, base, fitted, hunting, in_time=True),
-        refine_wave(stage, base, fitted, ripple, in_time=False),
+        refine_wave(stage, base, fitted, hunting, in_time=True, jobs=jobs),
+        refine_wave(stage, base, fitted, ripple, in_time=False, jobs=jobs),
     )
 
 
 def refine_wave(
-    stage: Stage, base: Floats, fitted: Fitted, proposal: Proposal, in_time: bool
+    stage: Stage,
+    base: Floats,
+    fitted: Fitted,
+    proposal: Proposal,
+    in_time: bool,
+    jobs: int = 1,
 ) -> Refined:
     """Fit a wave of the drive's speed, locked to time or to travel; see ``refine_drive``."""
     observation = stage.observation
@@ -55,15 +68,7 @@ def refine_wave(
     before = stage.judged(fitted, proposal.cause)
     for _ in range(ROUNDS):
         size = proposal.parameters['relative_amplitude']
-        quarter = replace(
-            proposal,
-            parameters={
-                **proposal.parameters,
-                'phase_rad': _wrapped(proposal.parameters['phase_rad'] + QUARTER),
-            },
-        )
-        one = (stage.run((proposal.deviation,)) - base) / size
-        two = (stage.run((quarter.deviation,)) - base) / size
+        one, two = _quarters(stage, base, proposal, jobs)
         if in_time:
             turn = 2.0 * np.pi * proposal.parameters[key] * late
             one, two = (
@@ -105,11 +110,22 @@ def refine_wave(
     return best
 
 
+def _quarters(stage: Stage, base: Floats, proposal: Proposal, jobs: int) -> tuple[Floats, Floats]:
+    """Return what a wave does to the model by one of its amplitude, and the same a quarter later."""
+    phase = _wrapped(proposal.parameters['phase_rad'] + QUARTER)
+    quarter = replace(proposal, parameters={**proposal.parameters, 'phase_rad': phase})
+    size = proposal.parameters['relative_amplitude']
+    with ThreadPoolExecutor(max(1, min(jobs, 2))) as pool:
+        runs = pool.map(lambda p: stage.run((p.deviation,)), (proposal, quarter))
+        one, two = ((run - base) / size for run in runs)
+    return one, two
+
+
 def _wrapped(angle: float) -> float:
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def locks(stage: Stage, base: Floats, hunting: Proposal) -> tuple[float, float]:
+def locks(stage: Stage, base: Floats, hunting: Proposal, jobs: int = 1) -> tuple[float, float]:
     """Return chi squared of a wave locked to time, and of the same wave locked to travel.
 
     Both are taken from the same two runs: what two runs differ by through rattling rollers is
@@ -119,11 +135,7 @@ def locks(stage: Stage, base: Floats, hunting: Proposal) -> tuple[float, float]:
     seconds = observation.travel_m / observation.frame.speed_m_s
     late = observation.time_s - seconds[:, None]
     late = late - late.mean(axis=0)
-    size = hunting.parameters['relative_amplitude']
-    phase = _wrapped(hunting.parameters['phase_rad'] + QUARTER)
-    quarter = replace(hunting, parameters={**hunting.parameters, 'phase_rad': phase})
-    one = (stage.run((hunting.deviation,)) - base) / size
-    two = (stage.run((quarter.deviation,)) - base) / size
+    one, two = _quarters(stage, base, hunting, jobs)
     turn = 2.0 * np.pi * hunting.parameters['frequency_hz'] * late
     rows = (
         (one * np.cos(turn) + two * np.sin(turn), two * np.cos(turn) - one * np.sin(turn)),

@@ -71,7 +71,7 @@ def fitted_beside(
     ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
     """
     if refined.proposal.cause in DRIVE:
-        refined = realigned(context, place, refined)
+        refined = realigned(context, place, refined, jobs)
         if refined.proposal.cause in IN_TIME:
             # the twin's own clock knows no wander: it cannot be run at every step
             return plain(refined)

@@ -16,9 +16,8 @@ from escalator_twin.signals import Floats
 TREND_HZ = 2.0
 DRAWS = 2000  # of the block bootstrap
 WORSE = 0.02  # contracts.md: no channel may become worse by more
-ACTS = (
-    0.99  # of what effects do on held-out blocks, which those hold that the gain is counted over
-)
+# Of what effects do on held-out blocks: what those hold that the gain is counted over.
+ACTS = 0.99
 # What a wrong law changes is for better or worse by chance: fewer blocks than six are all for the better
 # more often than the 2.5 % that the interval leaves below.
 LEAST_BLOCKS = 6
@@ -38,7 +37,9 @@ class HeldOut:
         In which the effects act, or parts of them: over them the gain is counted.
     channels : mapping, or None where there is no second look
     gain_low, gain_high : float
-        95 % interval, over blocks, of the relative fall of the squared residual.
+        95 % interval, over these blocks, of the relative fall of the squared residual.
+    whole_low : float
+        The interval's lower end over all blocks.
     significant : bool
     worse : tuple of str
         Channels whose residual's amplitude rises by more than 2 %, both as it is, 0 to 20 Hz, and over the floor:
@@ -50,6 +51,7 @@ class HeldOut:
     channels: dict[str, dict[str, float]] | None
     gain_low: float = 0.0
     gain_high: float = 0.0
+    whole_low: float = 0.0
     significant: bool = False
     worse: tuple[str, ...] = ()
 
@@ -158,7 +160,10 @@ def scored(
     if len(acting) < cuts * len(seen):
         unit = 'blocks' if cuts == 1 else f'blocks cut in {cuts}'
         split = f'{split}; the effects act in {len(acting)} of {cuts * len(seen)} {unit}'
-    return HeldOut(split, len(acting), channels, low_gain, high_gain, low_gain > 0.0, tuple(worse))
+    whole_low, _ = _interval(drawn.sum(axis=2))
+    return HeldOut(
+        split, len(acting), channels, low_gain, high_gain, whole_low, low_gain > 0.0, tuple(worse)
+    )
 
 
 def _acting(

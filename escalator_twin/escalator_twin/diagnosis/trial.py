@@ -90,7 +90,9 @@ def try_all(
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
             if r is not None
         ]
-        waves = pool.map(lambda pair: refine_drive(stage, base, fitted, *pair), waves_of)
+        waves = pool.map(
+            lambda pair: refine_drive(stage, base, fitted, pair[0], pair[1], jobs), waves_of
+        )
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
@@ -104,7 +106,7 @@ def try_all(
             if known or is_riddle(place, fitted_again, context.floor):
                 fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
-    tried = shared(place, locked(context, place, fitted_again + rest))
+    tried = shared(place, locked(context, place, fitted_again + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
 
@@ -177,12 +179,10 @@ def _fitted_all(
     turned = None
     if leading and all(r.proposal.cause in LOCAL - set(DRIVE) for r in leading):
         context, turned = approached(context, place, known, leading[0], jobs)
-    share = max(1, jobs // max(1, len(leading)))
+    # each with all jobs: one may end long before the other
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         return list(
-            pool.map(
-                lambda r: fitted_beside(context, place, known, r, turned, jobs=share), leading
-            )
+            pool.map(lambda r: fitted_beside(context, place, known, r, turned, jobs), leading)
         )
 
 
@@ -318,8 +318,7 @@ def _fitted_afar(
     jobs: int,
 ) -> list[Tried]:
     """Fit causes from the machine as described, no tolerance turned."""
-    share = max(1, jobs // max(1, len(leading)))
-    fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, share), leading)
+    fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, jobs), leading)
     found = []
     for tried in fitted:
         if tried.polished is not None:

@@ -21,7 +21,7 @@ DRIVE = ('drive_hunting', 'drive_ripple')
 IN_TIME = ('drive_hunting',)
 
 
-def realigned(context: Context, place: Beside, refined: Refined) -> Refined:
+def realigned(context: Context, place: Beside, refined: Refined, jobs: int = 1) -> Refined:
     """Align the recording anew with a wave of the drive, and fit it there once more."""
     deviations = (*_known(context, place), refined.proposal.deviation)
     try:
@@ -32,7 +32,7 @@ def realigned(context: Context, place: Beside, refined: Refined) -> Refined:
     if bare.white_nuisance.shape[1] == place.stage.white_nuisance.shape[1]:
         bare = replace(bare, white_nuisance=bare.white_nuisance * _widths(place))
     in_time = refined.proposal.cause in IN_TIME
-    again = refine_wave(bare, bare.run(), place.fitted, refined.proposal, in_time)
+    again = refine_wave(bare, bare.run(), place.fitted, refined.proposal, in_time, jobs)
     cause = refined.proposal.cause
     gain = place.stage.judged(place.fitted, cause) - bare.judged(again.fitted, cause)
     return replace(again, gain=gain) if gain > refined.gain else refined
@@ -51,7 +51,7 @@ def _widths(place: Beside) -> np.ndarray:
     return np.where(power > 2.0, FREED, 1.0).astype(np.float32)
 
 
-def locked(context: Context, place: Beside, tried: list[Tried]) -> list[Tried]:
+def locked(context: Context, place: Beside, tried: list[Tried], jobs: int = 1) -> list[Tried]:
     """Weigh hunting against ripple of one wave by the same runs."""
     waves = {cause: next((t for t in tried if t.proposal.cause == cause), None) for cause in DRIVE}
     hunting, ripple = waves['drive_hunting'], waves['drive_ripple']
@@ -63,7 +63,7 @@ def locked(context: Context, place: Beside, tried: list[Tried]) -> list[Tried]:
     deviations = (*_known(context, place), hunting.proposal.deviation)
     anew = beside(context, deviations, steps=1, turned=place.stage.turned)
     bare = replace(anew.stage, machine=place.stage.machine)
-    in_time, in_travel = locks(bare, bare.run(), hunting.proposal)
+    in_time, in_travel = locks(bare, bare.run(), hunting.proposal, jobs)
     low = min(in_time, in_travel)
     weighed = {
         id(hunting): replace(hunting, gain=best - (in_time - low)),
