@@ -4,6 +4,7 @@ from dataclasses import replace
 import json
 from pathlib import Path
 import shutil
+from types import SimpleNamespace
 
 from belt.chain import Chain, read_sheet
 from belt.good import draw, hide, tolerances
@@ -12,16 +13,24 @@ import numpy as np
 import pytest
 
 from escalator_twin import bagfile
+from escalator_twin.causes.application import apply
 from escalator_twin.cli.main import main
+from escalator_twin.diagnosis.bodies import stage as bodies_stage
 from escalator_twin.diagnosis.bodies.attempt import lines_of
-from escalator_twin.diagnosis.bodies.context import mean_spread
+from escalator_twin.diagnosis.bodies.context import lean_spreads, mean_spread
 from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
 from escalator_twin.diagnosis.bodies.gears import MARGIN_M, on_gear
+from escalator_twin.diagnosis.bodies.search import beside_error, bounded_chi2
+from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
+from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.proposals import false_fall, Proposal
+from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.stage import LARGEST
+from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.course import course_of
@@ -40,6 +49,7 @@ HIDDEN = {
     'gear_eccentricity': ({'gear_eccentricity': 1e-3}, 'amplitude_m', 303, 0.25),
     'tensioner_friction': ({'tensioner_friction': 150.0}, 'force_N', 305, 0.25),
     'handrail_drag': ({'handrail_drag': 150.0}, 'force_N', 304, 0.35),
+    'chain_elongation': ({'chain_elongation': 1.5e-4}, 'length_m', 501, 0.25),
 }
 
 
@@ -201,3 +211,83 @@ def test_white_noise_has_no_temperature():
         other = Proposal('handrail_drag', {}, {'force_N': 1.0}, 1e3, {})
         found.append(false_fall([drag, link, other], ('roller_drag', 'link_elongation')))
     assert np.median(found) == pytest.approx(1.0, abs=0.1)
+
+
+# what the twin's own error is like
+
+SPREAD_M = 1.5e-5
+
+
+def leaning(length_m, gain=400.0):
+    """Return what is told of a longer chain, run, beside an error that is like one."""
+    floor = Floor({}, leans={'chain_elongation': SPREAD_M})
+    context = SimpleNamespace(floor=floor, machine=kwons.kwon())
+    proposal = Proposal('chain_elongation', {'side': 'both'}, {'length_m': length_m}, gain)
+    return beside_error(context, Tried(proposal, gain, {'length_m': 2e-6}))
+
+
+@pytest.mark.parametrize(('times', 'told'), [(-3.1, True), (2.9, False), (3.1, True)])
+def test_what_the_twins_own_error_is_like_is_an_effect_beyond_three_of_it(times, told):
+    assert (leaning(times * SPREAD_M) is not None) is told
+
+
+def test_the_twins_own_error_counts_in_evidence_and_interval():
+    found = leaning(10.0 * SPREAD_M)
+    # 100 of its variances, and the doubt that every tolerance has
+    assert found.gain == pytest.approx(1.0 / (1.0 / 400.0 + 1.49 / 100.0))
+    assert found.sd['length_m'] == pytest.approx(np.hypot(2e-6, SPREAD_M))
+    assert leaning(10.0 * SPREAD_M, gain=0.0) is None
+
+
+def test_what_the_twins_own_error_is_not_like_is_told_as_it_was_run():
+    context = SimpleNamespace(floor=Floor({}), machine=kwons.kwon())
+    tried = Tried(Proposal('handrail_drag', {}, {'force_N': 9.0}, 50.0), 50.0, {})
+    assert beside_error(context, tried) is tried
+
+
+def test_a_spread_is_never_below_the_tolerance():
+    machine = kwons.kwon()
+    own = machine.tolerances['tensioner.stiffness_n_m']
+    leans = {'tensioner_stiffness': 0.5 * own, 'chain_elongation': SPREAD_M}
+    found = lean_spreads(Floor({}, leans=leans), machine)
+    assert found == {'tensioner_stiffness': own, 'chain_elongation': SPREAD_M}
+
+
+def test_a_stage_runs_what_its_error_is_like_as_the_cause(monkeypatch):
+    machine = kwons.kwon()
+    experiment = machine.default_experiment()
+    knob = 'tensioner.stiffness_n_m'
+    turned = {knob: 2.0, 'lean/chain_elongation': -1.5, 'chain.link_mass_kg': 0.0}
+    stage = BodyStage(
+        machine, SimpleNamespace(experiment=experiment), None, None, None, None,
+        knobs_of(machine, experiment), turned, 0.0, runs=None, above={},
+        leans={knob: ('tensioner_stiffness', 0.07),
+               'lean/chain_elongation': ('chain_elongation', SPREAD_M)},
+    )  # fmt: skip
+    run = SimpleNamespace(trace=lambda machine, _: machine)
+    monkeypatch.setattr(bodies_stage, 'Runs', lambda _: run)
+    ran = stage.trace()
+    sizes = {d.cause: d.parameters for d in ran.deviations}
+    assert sizes['tensioner_stiffness'] == {'factor': pytest.approx(1.14)}
+    assert sizes['chain_elongation'] == {'length_m': pytest.approx(-1.5 * SPREAD_M)}
+    # not by its tolerance as well: the stiffness is that of the description times the factor
+    assert ran.tensioner.stiffness_n_m == pytest.approx(
+        apply(
+            machine, (Deviation('tensioner_stiffness', {'factor': 1.14}),)
+        ).tensioner.stiffness_n_m
+    )
+    assert {knob, 'lean/chain_elongation'} < stage.limited
+
+
+def test_a_good_machine_has_no_more_of_it_than_of_a_tolerance():
+    rng = np.random.default_rng(2)
+    columns = np.zeros((50, 1), np.float32)
+    columns[:, 0] = rng.normal(size=50)
+    white = (6.0 * columns[:, 0]).astype(np.float32)
+    fitted = fit(white, columns)
+    name = 'lean/chain_elongation'
+    free = bounded_chi2(fitted, (name,), ())
+    bounded = bounded_chi2(fitted, (name,), {name})
+    power = float(columns[:, 0] @ columns[:, 0])
+    assert bounded == pytest.approx((6.0 - LARGEST) ** 2 * power + LARGEST**2, rel=1e-4)
+    assert free < bounded

@@ -247,13 +247,14 @@ def aligned(
         for name, turned in context.knobs.items()
         if name not in without
     }
-    for cause, sd in context.floor.leans.items():
-        knob = LIKE_KNOBS[cause][0] if cause in LIKE_KNOBS else ''
-        if knob in knobs:
-            knobs[knob] = knobs[knob] * max(1.0, sd / machine.tolerances[knob])
-        elif cause in context.whole:
+    leans = lean_spreads(context.floor, machine)
+    for cause, sd in leans.items():
+        name = nuisance_name(cause)
+        if name in knobs:
+            knobs[name] = knobs[name] * (sd / machine.tolerances[name])
+        elif cause in context.whole and name not in without:
             lean = on_grid(context.whole[cause], speed, observation, columns) - base
-            knobs[LEAN + cause] = lean * (sd / WHOLE[cause][1])
+            knobs[name] = lean * (sd / WHOLE[cause][1])
     sensors = [machine.instruments.sensor(channel) for channel in observation.channels]
     above, zeros = {}, {}
     for k, sensor in enumerate(sensors):
@@ -266,8 +267,28 @@ def aligned(
     stage = BodyStage(
         machine, setting, observation, nuisance, whiten, whiten(nuisance.columns),
         knobs_of(machine, setting.experiment), {}, trace.rack_m, runs=context.runs, above=above,
+        leans={nuisance_name(cause): (cause, sd) for cause, sd in leans.items()},
     )  # fmt: skip
     return Beside(stage, judgement, model, stage.fit(model))
+
+
+def nuisance_name(cause: str) -> str:
+    """Return the name of the nuisance that a cause of this kind of machine stands for."""
+    return LIKE_KNOBS[cause][0] if cause in LIKE_KNOBS else LEAN + cause
+
+
+def lean_spreads(floor: Floor, machine: Machine) -> dict[str, float]:
+    """Return what good machines seem to have of causes that the twin's own error is like.
+
+    Returns
+    -------
+    spread : mapping of cause to float
+        One standard deviation of its size, no less than the tolerance.
+    """
+    return {
+        cause: max(sd, machine.tolerances.get(nuisance_name(cause), 0.0))
+        for cause, sd in floor.leans.items()
+    }
 
 
 def mean_spread(sensor: Sensor, scatter: float, mean: float) -> float:
@@ -285,7 +306,7 @@ def again(context: Context, place: Beside, known: Sequence[Proposal], jobs: int 
     assert isinstance(context, BodyContext)
     deviations = tuple(k.deviation for k in known if of_machine(k))
     machine = apply(context.machine, deviations)
-    without = {LIKE_KNOBS[d.cause][0] for d in deviations if d.cause in LIKE_KNOBS}
+    without = {nuisance_name(d.cause) for d in deviations}
     return Polished(
         context, aligned(context, machine, context.runs.trace(machine), without), (), ()
     )

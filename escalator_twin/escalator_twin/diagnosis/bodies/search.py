@@ -1,15 +1,24 @@
 """Search all causes of a machine of free bodies by what they did beside the recording."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from math import atan2, hypot
 
 import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
-from escalator_twin.diagnosis.bodies.context import again, BodyContext, PLACES, WHOLE
+from escalator_twin.diagnosis.bodies.context import (
+    again,
+    BodyContext,
+    lean_spreads,
+    nuisance_name,
+    PLACES,
+    WHOLE,
+)
 from escalator_twin.diagnosis.bodies.everywhere import at_index
+from escalator_twin.diagnosis.bodies.stage import BodyStage, SIDED
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.nuisance import Nuisance
@@ -21,12 +30,12 @@ from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.search_whole import beyond, tolerances
 from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.diagnosis.verdict import EFFECT_TOLERANCES, TOLERANCE_DOUBT
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.walk import Bench
 
 ONE_SIDED = ('tensioner_friction', 'handrail_drag', 'roller_drag')  # drag has one sign
 KEEP_PLACES = 2
-SIDED = {'chain_elongation': {'side': 'both'}}
 AXIS = 'rotation/y'  # out of the plane: the only one about which a planar machine tells a turn
 
 
@@ -39,6 +48,7 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     gauged = [s.name for s in context.machine.instruments.sensors if s.quantity == 'link_force']
     found = [
         *(p for p in tolerances(search) if p.cause not in context.floor.leans),
+        *_leaning(context, search),
         *(p for p in gains(search) if p.location.get('link', gauged[:1]) in gauged),
         *_turned(search),
         *_whole(context, search),
@@ -96,6 +106,43 @@ def _whole(context: BodyContext, search: Search) -> Iterator[Proposal]:
     )  # fmt: skip
 
 
+def _leaning(context: BodyContext, search: Search) -> Iterator[Proposal]:
+    """Propose what the twin's own error is like, where it is more than that ever is."""
+    for cause, spread in lean_spreads(context.floor, context.machine).items():
+        name = nuisance_name(cause)
+        if name not in search.names:
+            continue
+        k = search.names.index(name)
+        score = score_each(search.fitted.without(k), search.fitted.columns[:, k : k + 1])
+        if abs(score.size[0]) < EFFECT_TOLERANCES:
+            continue
+        (parameter,) = KNOWN[cause].sizes
+        value = (parameter.neutral or 0.0) + spread * float(score.size[0])
+        yield Proposal(
+            cause, dict(SIDED.get(cause, {})), {parameter.name: max(value, parameter.low)},
+            beyond(score), {parameter.name: spread * float(score.sd[0])},
+            fitted=(parameter.name,), nuisance=name,
+        )  # fmt: skip
+
+
+def beside_error(context: BodyContext, tried: Tried) -> Tried | None:
+    """Return what was run with the twin's own error beside it; None where it may be no more than that.
+
+    Of how far a good machine seems to be off the data tell nothing: it counts like a tolerance, in
+    the evidence and in the interval.
+    """
+    spread = lean_spreads(context.floor, context.machine).get(tried.proposal.cause)
+    if spread is None:
+        return tried
+    (parameter,) = KNOWN[tried.proposal.cause].sizes
+    way = tried.proposal.parameters[parameter.name] - (parameter.neutral or 0.0)
+    if abs(way) < EFFECT_TOLERANCES * spread or tried.gain <= 0.0:
+        return None
+    doubt = (1.0 + TOLERANCE_DOUBT**2) * (spread / way) ** 2
+    sd = {**tried.sd, parameter.name: hypot(tried.sd.get(parameter.name, 0.0), spread)}
+    return replace(tried, gain=1.0 / (1.0 / tried.gain + doubt), sd=sd)
+
+
 def _places(context: BodyContext, search: Search) -> Iterator[Proposal]:
     """Propose causes at every index."""
     n = context.machine.chain.n_links
@@ -131,8 +178,11 @@ def attempt(
     worth: object = None,
 ) -> list[Tried]:
     """Refine contenders with the twin itself; tolerances stay linear beside them."""
-    del context, known, afar, worth
-    names, knobs = place.stage.nuisance.names, [knob.name for knob in place.stage.knobs]
+    del known, afar, worth
+    assert isinstance(context, BodyContext)
+    assert isinstance(place.stage, BodyStage)
+    own_error = partial(beside_error, context)
+    names, knobs = place.stage.nuisance.names, place.stage.limited
     before = bounded_chi2(place.fitted, names, knobs)
 
     def refined(proposal: Proposal) -> Tried | None:
@@ -142,14 +192,14 @@ def attempt(
         own = proposal.nuisance if proposal.nuisance in names else None
         rest = tuple(name for name in names if name != own)
         gain = before - bounded_chi2(found.fitted, rest, knobs)
-        return Tried(found.proposal, gain, dict(found.sd))
+        return own_error(Tried(found.proposal, gain, dict(found.sd)))
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         tried = [one for one in pool.map(refined, contenders) if one is not None]
     return sorted(tried, key=lambda t: -t.gain)
 
 
-def bounded_chi2(fitted: Fitted, names: Sequence[str], knobs: Sequence[str]) -> float:
+def bounded_chi2(fitted: Fitted, names: Sequence[str], knobs: Container[str]) -> float:
     """Return chi squared where no tolerance goes farther than a good machine's does.
 
     Parameters
@@ -157,8 +207,8 @@ def bounded_chi2(fitted: Fitted, names: Sequence[str], knobs: Sequence[str]) -> 
     fitted : Fitted
     names : sequence of str
         Of its nuisance.
-    knobs : sequence of str
-        Those that are tolerances.
+    knobs : container of str
+        Those that are tolerances, or that the twin's own error is like.
     """
     held: dict[int, float] = {}
     turning = [k for k, name in enumerate(names) if name in knobs]

@@ -1,11 +1,12 @@
 """One recording beside a machine of free bodies."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from escalator_twin.causes.application import apply
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.bodies.running import Runs
 from escalator_twin.diagnosis.knobs import turn_all
 from escalator_twin.diagnosis.stage import LARGEST, Stage
@@ -13,6 +14,9 @@ from escalator_twin.machine import Deviation
 from escalator_twin.physics.course import course_of
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats
+
+# Where causes of a chain's both sides sit: a planar machine has no sides.
+SIDED: dict[str, dict[str, object]] = {'chain_elongation': {'side': 'both'}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,10 +28,13 @@ class BodyStage(Stage):
     runs : Runs
     above : mapping of channel to float
         What the means that count are above the twin's in good machines, SI.
+    leans : mapping of nuisance to (cause, float)
+        What the twin's own error is like, and one standard deviation of the cause's size.
     """
 
     runs: Runs
     above: Mapping[str, float]
+    leans: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
     def quiet(self) -> np.ndarray:
@@ -44,15 +51,30 @@ class BodyStage(Stage):
         sizes = {k: v for k, v in self.turned.items() if k != without and v != 0.0}
         if not sizes:
             return self.runs.trace(apply(self.machine, deviations))
+        leaning = tuple(
+            self._leaning(name, sizes.pop(name)) for name in self.leans if name in sizes
+        )
         machine, experiment = turn_all(self.machine, self.setting.experiment, self.knobs, sizes)
-        return Runs(self.setting).trace(apply(machine, deviations), experiment)
+        return Runs(self.setting).trace(apply(machine, (*leaning, *deviations)), experiment)
+
+    def _leaning(self, name: str, size: float) -> Deviation:
+        """Return what a nuisance that the twin's own error is like does, in standard deviations."""
+        cause, sd = self.leans[name]
+        (parameter,) = KNOWN[cause].sizes
+        value = (parameter.neutral or 0.0) + size * sd
+        return Deviation(cause, {parameter.name: value}, SIDED.get(cause, {}))
+
+    @property
+    def limited(self) -> frozenset[str]:
+        """Nuisance that a good machine has no more than ``LARGEST`` of."""
+        return frozenset({knob.name for knob in self.knobs} | set(self.leans))
 
     def allowed(self, sizes: Floats) -> Floats:
         """Return sizes of the nuisance no larger than a good machine may have them.
 
         A zero stretched beyond would explain what an effect does to a mean.
         """
-        bound = {f'{channel}/zero' for channel in self.above} | {knob.name for knob in self.knobs}
+        bound = {f'{channel}/zero' for channel in self.above} | self.limited
         limits = np.array([LARGEST if name in bound else np.inf for name in self.nuisance.names])
         return np.clip(sizes, -limits, limits)
 
