@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import diagnose
-from escalator_twin.diagnosis.found import Found, is_left_over
+from escalator_twin.diagnosis.found import Found, is_in_vain, is_left_over
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import evidence_lines
 from escalator_twin.diagnosis.unexplained import Unexplained
@@ -179,3 +179,25 @@ def test_what_a_law_fits_that_is_not_believed_is_unexplained(monkeypatch, probab
     walked = SimpleNamespace(found=(FRICTION,), before='before', after='after')
     rest = diagnose.left_open(None, walked, [(FRICTION, probability)], 'rest')
     assert rest == (('before', 'before') if is_left else 'rest')
+
+
+@pytest.mark.parametrize(
+    ('effects', 'explained', 'further', 'vain'),
+    [
+        ((FRICTION,), 0.02, 2, True),
+        ((FRICTION,), 0.06, 2, False),
+        ((FRICTION, BOUNCE), 0.06, 1, True),
+        ((FRICTION, BOUNCE), 0.10, 1, False),
+        ((FRICTION, GAUGE), 0.02, 1, False),
+        ((), 0.0, 3, False),
+    ],
+)
+def test_a_search_that_leaves_nearly_all_open_ends(effects, explained, further, vain):
+    assert is_in_vain(effects, explained, further) is vain
+
+
+@pytest.mark.parametrize('explained', [0.0, 0.2, 0.249])
+def test_what_ends_a_search_would_not_be_named(named, explained):
+    # with no effect left to find, a search in vain is one whose names are not told
+    assert is_in_vain((FRICTION,), explained, 0)
+    assert named(significant=True, explained=explained, effects=(FRICTION,)) == set()

@@ -35,12 +35,18 @@ def walked(monkeypatch):
     """Return what a walk finds that is given its proposals, simulations and fits."""
 
     def walk_with(
-        propose, attempt=as_proposed, again=as_they_are, is_open=True, is_stretched=False
+        propose,
+        attempt=as_proposed,
+        again=as_they_are,
+        is_open=True,
+        is_stretched=False,
+        explained=1.0,
     ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(module, 'is_open', lambda *_: is_open)
         monkeypatch.setattr(module, 'is_stretched', lambda _: is_stretched)
         monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
+        monkeypatch.setattr(module, 'explained_by', lambda *_: explained)
         monkeypatch.setattr(module, 'may_hide', lambda *_: False)
         bench = Bench(
             propose, attempt, again, lambda place, _: place, lambda *_: None, lambda *_: {}
@@ -112,3 +118,13 @@ def test_what_cannot_be_more_than_an_accepted_law_leaves_is_not_run(walked):
     found = walked(lambda *_: next(rounds), attempt)
     assert found == [flat, gauge]
     assert runs == [['roller_flat'], []]
+
+
+@pytest.mark.parametrize(('explained', 'rounds'), [(0.9, 3), (0.06, 2), (0.02, 1)])
+def test_a_search_ends_where_nothing_will_be_named(walked, explained, rounds):
+    drag = Proposal('guide_drag', {'s_from_m': 7.2, 's_to_m': 7.9}, {'force_N': 129.0}, 1.7e4)
+    flat = Proposal('roller_flat', {'axle': 37, 'side': 'left'}, {'depth_m': 6e-4}, 1.6e4)
+    mass = Proposal('step_mass', {'step': 7}, {'delta_kg': 16.0}, 1.5e4)
+    given = iter([drag, flat, mass])
+    found = walked(lambda *_: [next(given)], explained=explained)
+    assert found == [drag, flat, mass][:rounds]

@@ -23,7 +23,7 @@ from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
-from escalator_twin.diagnosis.unexplained import look, Unexplained
+from escalator_twin.diagnosis.unexplained import ENOUGH, LEAST_EXPLAINED, look, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
 from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
 from escalator_twin.errors import NotYetError
@@ -32,7 +32,6 @@ from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Recording
 from escalator_twin.threads import one_thread_each
 
-ENOUGH = 0.5  # of the energy above the floor that the effects must account for to be named
 NAMED = 0.5  # probability from which an effect is told as accepted
 SMALL = 0.1  # of the largest effect's fall of chi squared
 # Of the probability of such a one, where much stays unexplained, or of a size far out.
@@ -200,7 +199,7 @@ def settle(
         explained = max(explained, held.whole_low)
     if rest.significant and explained < 1.0:
         # what stays open speaks against the names, the more of it the more
-        factor *= float(np.clip(explained / ENOUGH - 0.5, 0.0, 1.0)) ** 0.5
+        factor *= float(np.clip((explained - LEAST_EXPLAINED) / ENOUGH, 0.0, 1.0)) ** 0.5
     if held.channels is not None and (held.worse or not held.significant):
         factor *= REFUSED
     if held.channels is None:

@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.unexplained import LEAST_EXPLAINED
 from escalator_twin.diagnosis.verdict import Weighed
 
 # An accepted law is never quite the machine's: what it leaves looks like a smaller effect. A further
@@ -13,6 +15,8 @@ from escalator_twin.diagnosis.verdict import Weighed
 SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
 CLOSES = 0.5
+# The strongest comes first: a further effect is taken to explain no more than so many times what was found.
+FURTHER = 2.0
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 KIN = (
@@ -71,3 +75,23 @@ def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float)
         if gain < (SHARE_OF_KIN if is_kin else SHARE_OF_FIRST) * earlier.gain:
             return True
     return False
+
+
+def is_in_vain(found: Sequence[Found], explained: float, further: int) -> bool:
+    """Tell whether nothing will be named, whatever else there is.
+
+    Names that leave nearly all open are not told (`settle`). Of an instrument's fault nothing is said:
+    what it explains is counted beside a good instrument.
+
+    Parameters
+    ----------
+    found : sequence of Found
+        The accepted effects.
+    explained : float
+        By them, see `explained_by`.
+    further : int
+        Effects that may still be found.
+    """
+    if not found or not all(of_machine(one.proposal) for one in found):
+        return False
+    return (1.0 + FURTHER * further) * explained < LEAST_EXPLAINED

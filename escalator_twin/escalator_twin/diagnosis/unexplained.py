@@ -16,6 +16,8 @@ from escalator_twin.signals import Floats
 SIGMAS = 3.0  # of a normal number: one channel in a thousand, eight channels: 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
+ENOUGH = 0.5  # of the energy above the floor: about what effects must account for to be named
+LEAST_EXPLAINED = 0.5 * ENOUGH  # below it nothing is named
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
 
@@ -112,18 +114,31 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
     floor = levels_of(after, context.floor)
     significant = bool((last > limits_of(after, context.floor, SIGMAS)).any())
     excess = float(np.maximum(last - floor, 0.0).sum())
-    whole = float(np.maximum(first - floor, 0.0).sum())
     share = float(np.clip(excess / max(float(first.sum()), 1e-12), 0.0, 1.0))
     signature = signature_of(context, after, last, floor) if significant else {}
-    above = excess_of(after, context.floor)
-    above_shaken = excess_of(after, context.floor, shaken=True)
-    # what a tolerance or a gauge's own nuisance had taken before counts by what it took to do so
-    fell = max(before.stage.judged(before.fitted) - after.stage.judged(after.fitted), 0.0)
-    by_energy = 1.0 - excess / max(whole, 1e-12)
-    explained = float(np.clip(max(by_energy, fell / max(fell + above, 1e-12)), 0.0, 1.0))
     return Unexplained(
-        significant, share if significant else 0.0, explained, signature, above, above_shaken
+        significant,
+        share if significant else 0.0,
+        explained_by(before, after, context.floor),
+        signature,
+        excess_of(after, context.floor),
+        excess_of(after, context.floor, shaken=True),
     )
+
+
+def explained_by(before: Beside, after: Beside, floor: Floor) -> float:
+    """Return how much of what is above a good machine's the effects account for, 0 to 1.
+
+    By energy or by chi squared, whichever is more: what a tolerance or a gauge's own nuisance had taken
+    before counts by what it took to do so.
+    """
+    level = levels_of(after, floor)
+    whole, excess = (
+        float(np.maximum(by_channel(place) - level, 0.0).sum()) for place in (before, after)
+    )
+    fell = max(before.stage.judged(before.fitted) - after.stage.judged(after.fitted), 0.0)
+    by_chi2 = fell / max(fell + excess_of(after, floor), 1e-12)
+    return float(np.clip(max(1.0 - excess / max(whole, 1e-12), by_chi2), 0.0, 1.0))
 
 
 def signature_of(context: Context, place: Beside, chi2: Floats, floor: Floats) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
-from escalator_twin.diagnosis.found import Found, is_left_over, ONE_GAUGE
+from escalator_twin.diagnosis.found import Found, is_in_vain, is_left_over, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
@@ -16,7 +16,12 @@ from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.unexplained import excess_of, is_open, is_stretched
+from escalator_twin.diagnosis.unexplained import (
+    excess_of,
+    explained_by,
+    is_open,
+    is_stretched,
+)
 from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
     evidence_of,
@@ -176,6 +181,11 @@ def walk(
         context, place = polished.context, polished.place
         found = [f for f in refitted(found, polished) if not _is_gone(f.proposal)]
         place = freed(place, [*start, *(f.proposal for f in found)])
+        explained = explained_by(before, place, context.floor)
+        if say is not None:
+            say(f'{len(found)} effects explain {explained:.3f}')
+        if is_in_vain(found, explained, MOST_EFFECTS - len(found)):
+            break
     return Walked(tuple(found), before, place, tuple(weighed))
 
 
