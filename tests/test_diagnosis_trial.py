@@ -58,7 +58,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
     monkeypatch.setattr(trial, 'is_open', lambda place, *_: place.is_open)
     monkeypatch.setattr(trial, 'excess_of', lambda *_: 100.0)
-    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried: tried)
+    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
     monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
     context = Held(None, Held({}), None)
     bare = SimpleNamespace(
