@@ -1,5 +1,7 @@
 """Weighing: beliefs add up, tolerances are no effects, and more explained is more believed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -155,3 +157,32 @@ def test_every_reference_is_within_what_a_cause_is_known_with():
         for reference in cause.references:
             assert size_in_references(Proposal(cause.name, {}, dict(reference), 0.0)) <= 1.0
     assert FAR_SIZE > 2.0  # twice of it is drawn by the generator
+
+
+def stretch(tolerances, gain, places=4851, draws=98):
+    found = proposal(
+        'guide_drag', {'force_N': 3.0 * tolerances}, gain, places, s_from_m=9.3, s_to_m=10.6
+    )
+    return replace(found, fitted=('force_N', '@s_from_m', '@s_to_m'), draws=draws), gain
+
+
+def test_where_an_effect_is_costs_what_the_data_tell_and_not_what_a_tolerance_is():
+    """A third of the reference, 5.5 tolerances, where ten thousand of chi squared say it is."""
+    assert weigh([stretch(5.5, 1e4)])[0].probability > 0.95
+    assert weigh([stretch(5.5, 1e4, draws=None)])[0].probability < 0.05  # each place may have one
+    assert weigh([stretch(50.0, 30.0)])[0].probability < 0.05  # the data say too little
+    assert weigh([stretch(3.1, 1e4)])[0].probability < 0.05
+
+
+@pytest.mark.parametrize('draws', [1, 10, 98])
+def test_the_largest_that_a_good_machine_has_is_seldom_named(draws):
+    rng = np.random.default_rng(draws)
+    largest = np.abs(rng.normal(size=(4000, draws))).max(axis=1)
+    named = [weigh([stretch(z, 300.0 * z**2, draws=draws)])[0].probability > 0.5 for z in largest]
+    assert np.mean(named) < 0.01  # contracts.md: at most 2 %
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_noise_at_the_best_of_many_places_is_not_believed(seed):
+    gain = float(np.random.default_rng(seed).chisquare(3, 4851).max())
+    assert weigh([stretch(9.0, gain)])[0].probability < 0.05

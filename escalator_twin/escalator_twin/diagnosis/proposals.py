@@ -28,6 +28,9 @@ class Proposal:
         Among how many places of the cause this one was chosen.
     fitted : tuple of str
         Parameters that a refinement fits, the one that sizes the effect first.
+    draws : int, optional
+        How many of the cause a good machine may have, each of a tolerance's size, wherever they are. Where
+        it is not given, one at each of the places, and of each number that is fitted.
     """
 
     cause: str
@@ -38,6 +41,7 @@ class Proposal:
     places: int = 1
     fitted: tuple[str, ...] = ()
     nuisance: str | None = None
+    draws: int | None = None
 
     @property
     def deviation(self) -> Deviation:

@@ -173,13 +173,13 @@ def drive_waves(search: Search) -> Iterator[Proposal]:
             yield Proposal(
                 'drive_hunting', {}, {**size, 'phase_rad': phase, 'frequency_hz': f},
                 float(gains[k]), {},
-                len(grid), ('relative_amplitude', 'frequency_hz', 'phase_rad'),
+                len(grid), ('relative_amplitude', 'frequency_hz', 'phase_rad'), draws=1,
             )  # fmt: skip
         turns = f * frame.pitch_m / frame.speed_m_s
         yield Proposal(
             'drive_ripple', {}, {**size, 'phase_rad': in_travel, 'cycles_per_pitch': turns},
             float(gains[k]), {},
-            len(grid), ('relative_amplitude', 'cycles_per_pitch', 'phase_rad'),
+            len(grid), ('relative_amplitude', 'cycles_per_pitch', 'phase_rad'), draws=1,
         )  # fmt: skip
 
 

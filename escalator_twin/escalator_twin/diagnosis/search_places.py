@@ -140,6 +140,7 @@ def drags(search: Search) -> Iterator[Proposal]:
                     {'force_N': power**-0.5},
                     count * (count + 1) // 2,
                     ('force_N', '@s_from_m', '@s_to_m'),
+                    draws=count,
                 )
             )
     yield from best(proposals, 2)

@@ -116,8 +116,12 @@ def evidence_of(proposal: Proposal, gain: float) -> float:
         spread += (1.0 + doubt**2) / tolerances**2
     if proposal.nuisance:
         return 0.5 / spread - log(max(proposal.places, 1)) - PRIOR_BEYOND
-    numbers = PER_NUMBER * max(len(proposal.fitted), 1)
-    return 0.5 / spread - log(max(proposal.places, 1)) - numbers - PRIOR_EFFECT
+    if proposal.draws is None:
+        return 0.5 / spread - _cost(proposal) - PRIOR_EFFECT
+    # The data choose place and numbers, and pay for it. That a good machine's own is so large is as unlikely
+    # wherever it is: it would be at the place that the data choose.
+    by_data, by_size = 0.5 * gain - _cost(proposal), 0.5 / spread - log(proposal.draws)
+    return -float(np.logaddexp(-by_data, -by_size)) - PRIOR_EFFECT
 
 
 def weigh(candidates: Sequence[tuple[Proposal, float]]) -> list[Weighed]:
