@@ -186,3 +186,35 @@ def test_the_largest_that_a_good_machine_has_is_seldom_named(draws):
 def test_noise_at_the_best_of_many_places_is_not_believed(seed):
     gain = float(np.random.default_rng(seed).chisquare(3, 4851).max())
     assert weigh([stretch(9.0, gain)])[0].probability < 0.05
+
+
+@pytest.mark.parametrize(('tolerances', 'named'), [(3.1, False), (4.0, True), (4.5, True)])
+def test_a_gauges_gain_is_likelier_than_not_at_four_tolerances(tolerances, named):
+    gauge = proposal('gauge_gain', {'factor': 1.0 + 0.003 * tolerances}, link='left_a')
+    gauge = replace(gauge, nuisance='link_force/left_a/gain')
+    # what lifting the prior gains where the data leave no doubt of the size: its square
+    (weighed,) = weigh([(gauge, tolerances**2)])
+    assert (weighed.probability > 0.5) is named
+
+
+def turned(x, y, z):
+    """Return an accelerometer turned by so many tolerances, and what lifting the prior gains."""
+    degrees = {'x_deg': 0.3 * x, 'y_deg': 0.3 * y, 'z_deg': 0.3 * z}
+    found = proposal('accelerometer_misalignment', degrees)
+    return replace(found, nuisance='rotation'), x * x + y * y + z * z
+
+
+def test_an_accelerometer_turned_by_a_third_of_the_reference_is_named():
+    for way in np.random.default_rng(4).normal(size=(20, 3)):
+        x, y, z = 4.0 / 3.0 / 0.3 * way / np.linalg.norm(way)  # contracts.md: 4 degrees in all
+        assert weigh([turned(x, y, z)])[0].probability > 0.5
+
+
+def test_a_good_accelerometer_is_seldom_called_turned():
+    draws = np.random.default_rng(8).normal(size=(8000, 3))
+    named = [weigh([turned(x, y, z)])[0].probability > 0.5 for x, y, z in draws]
+    assert np.mean(named) < 0.002  # contracts.md: at most 2 %, of all causes together
+
+
+def test_a_right_angle_is_no_matter_of_tolerances():
+    assert weigh([turned(300.0, 0.0, 0.0)])[0].probability > 0.999

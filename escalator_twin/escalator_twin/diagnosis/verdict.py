@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import exp, inf, log
 
 import numpy as np
+from scipy.stats import chi2, norm
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
@@ -26,6 +27,7 @@ PRIOR_BEYOND = 4.0
 # Times the reference from which a size is no longer this cause's: contracts.md lets bars hold at the
 # reference and asks for a third of it; twice is the most that the generator draws.
 FAR_SIZE = 3.0
+FAR_OUT = 300.0  # a square that no good instrument comes near, however many numbers it has
 ALIKE = 3.0  # nats within which two causes cannot be told apart
 
 
@@ -111,7 +113,11 @@ def evidence_of(proposal: Proposal, gain: float) -> float:
     if tolerances < EFFECT_TOLERANCES:
         return -inf
     spread = 1.0 / gain
-    if np.isfinite(tolerances):
+    if proposal.nuisance and not KNOWN[proposal.cause].of_machine:
+        # the gain is what the tolerance's own prior leaves: that counts once
+        spread = 1.0 / _as_one(gain, max(len(proposal.fitted), 1))
+        spread += (TOLERANCE_DOUBT / tolerances) ** 2
+    elif np.isfinite(tolerances):
         doubt = TOLERANCE_DOUBT if proposal.nuisance else 0.0
         spread += (1.0 + doubt**2) / tolerances**2
     if proposal.nuisance:
@@ -122,6 +128,13 @@ def evidence_of(proposal: Proposal, gain: float) -> float:
     # wherever it is: it would be at the place that the data choose.
     by_data, by_size = 0.5 * gain - _cost(proposal), 0.5 / spread - log(proposal.draws)
     return -float(np.logaddexp(-by_data, -by_size)) - PRIOR_EFFECT
+
+
+def _as_one(square: float, count: int) -> float:
+    """Return the square of one normal number that is as seldom passed as the sum of several squares."""
+    if count == 1 or square > FAR_OUT:
+        return square
+    return max(float(norm.isf(0.5 * chi2.sf(square, count))) ** 2, 1e-6)
 
 
 def weigh(candidates: Sequence[tuple[Proposal, float]]) -> list[Weighed]:
