@@ -88,18 +88,9 @@ def nuisance_of(
 
     for name, response in knobs.items():
         add(name, response)
-    speed = observation.frame.speed_m_s
-    slope = CubicSpline(observation.travel_m, model)(observation.travel_m, 1)
-    add('course', SHIFT_M * slope)
-    seconds = observation.travel_m / speed
-    for k, bump in enumerate(_bumps(seconds)):
-        add(f'course/{k}', COURSE_M * slope * bump[:, None])
-    reference = machine.instruments.channels_of(machine.instruments.reference_logger)
-    ground = np.array([channel in reference for channel in observation.channels], float)
-    middle = seconds - seconds.mean()
-    if 0.0 < ground.sum() < c:
-        add('clock', CLOCK_S * speed * slope * ground)
-        add('clock/rate', CLOCK_RATE * speed * slope * ground * middle[:, None])
+    for name, change in shifts(observation, model, machine).items():
+        add(name, change)
+    seconds = observation.travel_m / observation.frame.speed_m_s
     part = (seconds - seconds[0]) / (seconds[-1] - seconds[0])
     for k, channel in enumerate(observation.channels):
         sensor = machine.instruments.sensor(channel)
@@ -120,6 +111,23 @@ def nuisance_of(
         else:
             add(f'{channel}/zero', np.full(n, FREE * max(float(np.std(model[:, k])), 1e-9)), k)
     return Nuisance(tuple(names), np.stack(columns, axis=2))
+
+
+def shifts(observation: Observation, model: Floats, machine: Machine) -> dict[str, Floats]:
+    """Return what course and clocks do to a model that is sampled a little off, (n, c) each."""
+    speed = observation.frame.speed_m_s
+    slope = CubicSpline(observation.travel_m, model)(observation.travel_m, 1)
+    found: dict[str, Floats] = {'course': SHIFT_M * slope}
+    seconds = observation.travel_m / speed
+    for k, bump in enumerate(_bumps(seconds)):
+        found[f'course/{k}'] = COURSE_M * slope * bump[:, None]
+    reference = machine.instruments.channels_of(machine.instruments.reference_logger)
+    ground = np.array([channel in reference for channel in observation.channels], float)
+    middle = seconds - seconds.mean()
+    if 0.0 < ground.sum() < len(ground):
+        found['clock'] = CLOCK_S * speed * slope * ground
+        found['clock/rate'] = CLOCK_RATE * speed * slope * ground * middle[:, None]
+    return found
 
 
 def _positions(observation: Observation, machine: Machine) -> list[int]:

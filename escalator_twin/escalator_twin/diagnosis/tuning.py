@@ -21,9 +21,10 @@ from escalator_twin.diagnosis.context import (
     with_own_tolerances,
 )
 from escalator_twin.diagnosis.loops import BAND_HZ
-from escalator_twin.diagnosis.nuisance import make_nuisance
+from escalator_twin.diagnosis.nuisance import make_nuisance, shifts
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
+from escalator_twin.signals import Floats
 
 CUTS_HZ = (4.0, 8.0, 14.0)  # up to which signals are compared, before all of the band
 MOST_STEPS = 4  # over all of the band
@@ -145,7 +146,9 @@ class _Search:
 
         def level(way: Mapping[str, float]) -> float:
             stage = replace(start.stage, turned={**now, **way})
-            return stage.judged(stage.fit(stage.run()))
+            model = stage.run()
+            stage = _shifting(stage, model)
+            return stage.judged(stage.fit(model))
 
         with ThreadPoolExecutor(max(1, self.jobs)) as pool:
             levels = list(pool.map(level, ways))
@@ -216,7 +219,21 @@ def _step(place: Beside) -> Beside | None:
     for share in STEP_SHARES:
         stage = place.stage.tuned(place.fitted, share)
         model = stage.run()
+        stage = _shifting(stage, model)
         after = replace(place, stage=stage, model=model, fitted=stage.fit(model))
         if quiet_chi2(after) < before:
             return after
     return None
+
+
+def _shifting(stage: Stage, model: Floats) -> Stage:
+    """Return the stage whose course and clocks shift this model.
+
+    The alignment is kept while tolerances are tuned, and may be some millimetres off until they are: near
+    a resonance the waves that these millimetres shift are others after a part of a standard deviation.
+    """
+    found = shifts(stage.observation, model, stage.machine)
+    at = [stage.nuisance.names.index(name) for name in found]
+    white = stage.white_nuisance.copy()
+    white[:, at] = stage.whiten(np.stack(list(found.values()), axis=2))
+    return replace(stage, white_nuisance=white)
