@@ -44,10 +44,15 @@ def sigmas(truth, machine):
     }
 
 
-def test_a_good_machine_is_tuned_as_near_as_its_own_tolerances(tmp_path):
-    # of the floor's calibration set, the one that a search by slopes alone leaves farthest off
+# Of the floor's calibration set the one that a search by slopes alone leaves farthest off; and one whose
+# contacts are 9 % stiffer, which moves a resonance: beside the shifts that the first model's alignment
+# leaves, every other stiffness seemed worse.
+@pytest.mark.parametrize(
+    ('seed', 'index', 'cause'), [(71001, 10, 'clean'), (131101, 20, 'mains_hum')]
+)
+def test_a_good_machine_is_tuned_as_near_as_its_own_tolerances(tmp_path, seed, index, cause):
     folder = tmp_path / 'made'
-    write_hidden([plan(10, 71001, 1, ['clean'], ('reference',))], 71001, folder, 1)
+    write_hidden([plan(index, seed, 1, [cause], ('reference',))], seed, folder, 1)
     bag = next(path for path in folder.iterdir() if path.is_dir() and path.name != 'truth')
     machine = trials.prototype()
     context = prepare_tolerances(bagfile.read(bag, machine), machine, load_floor(machine), jobs=2)
