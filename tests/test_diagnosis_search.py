@@ -1,0 +1,81 @@
+"""What the searches propose, and of how many places."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.search_more import drive_waves
+from escalator_twin.diagnosis.search_places import drags
+
+pytestmark = pytest.mark.issue(6)
+
+AXLES, LENGTH_M, SAMPLES = 6, 6.0, 600
+PITCH_M, SPEED_M_S, PITCHES = 0.405, 0.25, 60
+
+
+def whiten(columns):
+    """Return columns as they are, beside noise of 0.01."""
+    return (100.0 * columns).reshape(-1, columns.shape[-1]).astype(np.float32)
+
+
+def beside_noise(signal):
+    """Return the fit of a signal without any nuisance."""
+    white = whiten(signal[:, :, None])[:, 0]
+    return fit(white, np.zeros((len(white), 0), np.float32), np.zeros(0))
+
+
+def test_a_dragging_stretch_is_found_where_it_is_and_one_may_be_in_every_cell():
+    rng = np.random.default_rng(3)
+    change = rng.normal(size=(AXLES, SAMPLES, 2)).astype(np.float32)  # by one newton on an axle
+    way = (np.arange(AXLES)[:, None] + 12.0 * np.arange(SAMPLES) / SAMPLES) % LENGTH_M
+    inside = (way >= 2.5) & (way < 4.0)
+    signal = 0.1 * np.sum(change * inside[:, :, None], axis=0)
+    view = SimpleNamespace(
+        n_links=AXLES,
+        responses=SimpleNamespace(
+            places={'roller_drag': 'any'}, base=SimpleNamespace(rolled_m=-LENGTH_M)
+        ),
+        place_of=lambda axle: way[axle],
+        at=lambda *which: 0.5 * change[which[1]],
+    )
+    search = SimpleNamespace(
+        view=view, model=np.zeros((SAMPLES, 2)), fitted=beside_noise(signal), whiten=whiten
+    )
+    found = list(drags(search))
+    best = max(found, key=lambda p: p.gain)
+    assert best.location == {'s_from_m': 2.5, 's_to_m': 4.0}
+    assert best.parameters['force_N'] == pytest.approx(0.1, rel=1e-3)
+    cells = 24
+    assert {(p.places, p.draws) for p in found} == {(cells * (cells + 1) // 2, cells)}
+
+
+@pytest.mark.parametrize('direction', [1, -1], ids=['up', 'down'])
+def test_a_wave_of_the_drive_is_found_and_a_good_drive_has_one(direction):
+    frame = Frame(PITCH_M, 60, 41, SPEED_M_S)
+    travel = np.arange(PITCHES * frame.per_pitch) * frame.spacing_m
+    seconds = travel / SPEED_M_S
+    turn = 2.0 * np.pi * travel / PITCH_M
+    model = np.stack([np.sin(turn), np.cos(2.0 * turn)], axis=1)
+    slope = np.stack([np.cos(turn), -2.0 * np.sin(2.0 * turn)], axis=1) * 2.0 * np.pi / PITCH_M
+    omega, amplitude = 2.0 * np.pi * 0.4, 0.01
+    # the way that a wave of the speed, v (1 + a cos w t), has moved the machine
+    moved = SPEED_M_S * amplitude * np.sin(omega * seconds) / omega
+    observation = SimpleNamespace(travel_m=travel, frame=frame, channels=('a', 'b'))
+    sensor = SimpleNamespace(at={})
+    experiment = SimpleNamespace(direction=direction)
+    search = SimpleNamespace(
+        view=SimpleNamespace(observation=observation),
+        model=model,
+        fitted=beside_noise(slope * moved[:, None]),
+        whiten=whiten,
+        machine=SimpleNamespace(instruments=SimpleNamespace(sensor=lambda _: sensor)),
+        stage=SimpleNamespace(setting=SimpleNamespace(experiment=experiment)),
+    )
+    found = list(drive_waves(search))
+    assert {p.draws for p in found} == {1}
+    hunting = max((p for p in found if p.cause == 'drive_hunting'), key=lambda p: p.gain)
+    assert hunting.parameters['frequency_hz'] == pytest.approx(0.4, abs=3e-3)
+    assert hunting.parameters['relative_amplitude'] == pytest.approx(amplitude, rel=0.1)
