@@ -120,7 +120,7 @@ def test_what_cannot_be_more_than_an_accepted_law_leaves_is_not_run(walked):
     assert runs == [['roller_flat'], []]
 
 
-@pytest.mark.parametrize(('explained', 'rounds'), [(0.9, 3), (0.06, 2), (0.02, 1)])
+@pytest.mark.parametrize(('explained', 'rounds'), [(0.9, 3), (0.1, 2), (0.02, 1)])
 def test_a_search_ends_where_nothing_will_be_named(walked, explained, rounds):
     drag = Proposal('guide_drag', {'s_from_m': 7.2, 's_to_m': 7.9}, {'force_N': 129.0}, 1.7e4)
     flat = Proposal('roller_flat', {'axle': 37, 'side': 'left'}, {'depth_m': 6e-4}, 1.6e4)

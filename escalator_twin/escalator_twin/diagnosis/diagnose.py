@@ -23,7 +23,7 @@ from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
-from escalator_twin.diagnosis.unexplained import ENOUGH, LEAST_EXPLAINED, look, Unexplained
+from escalator_twin.diagnosis.unexplained import LEAST_EXPLAINED, look, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
 from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
 from escalator_twin.errors import NotYetError
@@ -199,7 +199,7 @@ def settle(
         explained = max(explained, held.whole_low)
     if rest.significant and explained < 1.0:
         # what stays open speaks against the names, the more of it the more
-        factor *= float(np.clip((explained - LEAST_EXPLAINED) / ENOUGH, 0.0, 1.0)) ** 0.5
+        factor *= float(np.clip(explained / LEAST_EXPLAINED - 1.0, 0.0, 1.0)) ** 0.5
     if held.channels is not None and (held.worse or not held.significant):
         factor *= REFUSED
     if held.channels is None:

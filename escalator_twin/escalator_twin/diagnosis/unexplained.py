@@ -16,8 +16,9 @@ from escalator_twin.signals import Floats
 SIGMAS = 3.0  # of a normal number: one channel in a thousand, eight channels: 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
-ENOUGH = 0.5  # of the energy above the floor: about what effects must account for to be named
-LEAST_EXPLAINED = 0.5 * ENOUGH  # below it nothing is named
+# Of what is above a good machine's: beside effects that account for less nothing is named, and from twice of
+# it on names are told as they are. A sure name is one no more where half is open.
+LEAST_EXPLAINED = 0.4
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
 
