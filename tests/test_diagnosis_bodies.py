@@ -20,7 +20,7 @@ from escalator_twin.diagnosis.bodies.attempt import lines_of
 from escalator_twin.diagnosis.bodies.context import lean_spreads, mean_spread
 from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
 from escalator_twin.diagnosis.bodies.gears import MARGIN_M, on_gear
-from escalator_twin.diagnosis.bodies.search import beside_error, bounded_chi2
+from escalator_twin.diagnosis.bodies.search import beside_error, bounded_chi2, LEAN_LAW
 from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
@@ -235,7 +235,8 @@ def test_the_twins_own_error_counts_in_evidence_and_interval():
     found = leaning(10.0 * SPREAD_M)
     # 100 of its variances, and the doubt that every tolerance has
     assert found.gain == pytest.approx(1.0 / (1.0 / 400.0 + 1.49 / 100.0))
-    assert found.sd['length_m'] == pytest.approx(np.hypot(2e-6, SPREAD_M))
+    law = LEAN_LAW * 10.0 * SPREAD_M
+    assert found.sd['length_m'] == pytest.approx((2e-6**2 + SPREAD_M**2 + law**2) ** 0.5)
     assert leaning(10.0 * SPREAD_M, gain=0.0) is None
 
 
