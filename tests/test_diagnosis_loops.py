@@ -154,7 +154,7 @@ def test_a_loop_begins_where_a_recording_does(direction, others):
     experiment = stage.setting.experiment
     loop = simulate_loop(stage.machine, experiment, frame, seen, origin=Begin(START_M, start))
     place = np.interp(start, np.arange(frame.n_loop) * frame.spacing_m, loop.place_m)
-    assert place % abs(loop.rolled_m) == pytest.approx(START_M, abs=1e-3)
+    assert place % abs(loop.length_m) == pytest.approx(START_M, abs=1e-3)
     assert rack_shift(loop.rack_m, stage.origin, frame.pitch_m) == pytest.approx(0.0, abs=1e-3)
     again = simulate_loop(stage.machine, experiment, frame, seen, origin=loop.rack_m)
     np.testing.assert_allclose(again.columns, loop.columns, atol=0.05)

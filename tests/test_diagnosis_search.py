@@ -36,7 +36,7 @@ def test_a_dragging_stretch_is_found_where_it_is_and_one_may_be_in_every_cell():
     view = SimpleNamespace(
         n_links=AXLES,
         responses=SimpleNamespace(
-            places={'roller_drag': 'any'}, base=SimpleNamespace(rolled_m=-LENGTH_M)
+            places={'roller_drag': 'any'}, base=SimpleNamespace(length_m=-LENGTH_M)
         ),
         place_of=lambda axle: way[axle],
         at=lambda *which: 0.5 * change[which[1]],

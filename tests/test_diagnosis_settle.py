@@ -24,7 +24,6 @@ FRICTION, BOUNCE, GAUGE = (
     found('tensioner_friction', 12_000.0), found('truss_resonance', 575.0),
     found('gauge_gain', 310.0),
 )  # fmt: skip
-FLAT = found('roller_flat', 406.0)  # at a wrong angle
 GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True, 'whole_low': 0.9}
 
 
@@ -187,7 +186,6 @@ def test_what_a_law_fits_that_is_not_believed_is_unexplained(monkeypatch, probab
     [
         ((FRICTION,), 0.02, 2, True),
         ((FRICTION,), 0.03, 2, False),
-        ((FLAT,), 0.02, 2, False),
         ((FRICTION, BOUNCE), 0.04, 1, True),
         ((FRICTION, BOUNCE), 0.05, 1, False),
         ((FRICTION, GAUGE), 0.02, 1, False),

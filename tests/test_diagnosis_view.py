@@ -94,7 +94,7 @@ def test_another_axle_is_not_the_same(runs):
 def test_an_axle_stands_where_its_index_says(runs):
     # axle j stands j pitches behind axle 0 (data sheet), along the path
     pitch = trials.prototype().chain.pitch_m
-    length = abs(runs.view.responses.base.rolled_m)
+    length = abs(runs.view.responses.base.length_m)
     behind = (runs.view.place_of(AXLE) - runs.view.place_of(0)) % length
     away = min(abs(behind[0] - AXLE * pitch), abs(length - behind[0] - AXLE * pitch))
     assert away < 0.5 * pitch

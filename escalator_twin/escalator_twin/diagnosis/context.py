@@ -212,7 +212,7 @@ def shares_of(context: Context, observation: Observation) -> Floats:
     """Return where in the loop, 0 to 1, the step of each channel is, (n, c); 0 without a step."""
     direction = context.setting.experiment.direction
     view = View(observation, context.responses, direction, NO_PROBES)
-    length = abs(context.responses.base.rolled_m)
+    length = abs(context.responses.base.length_m)
     shares = np.zeros(observation.measured.shape)
     for k, channel in enumerate(observation.channels):
         step = context.machine.instruments.sensor(channel).at.get('step')

@@ -18,8 +18,6 @@ CLOSES = 0.5
 # A further effect is taken to explain no more than so many times what was found. The strongest comes first,
 # but it may be fitted in a hollow, and be found again where it belongs.
 FURTHER = 8.0
-# Whose angle is such a hollow: a flat spot explained 6 % at a first look and 93 % at the second.
-SECOND_LOOK = frozenset({'roller_flat'})
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 KIN = (
@@ -96,7 +94,5 @@ def is_in_vain(found: Sequence[Found], explained: float, further: int) -> bool:
         Effects that may still be found.
     """
     if not found or not all(of_machine(one.proposal) for one in found):
-        return False
-    if any(one.proposal.cause in SECOND_LOOK for one in found):
         return False
     return (1.0 + FURTHER * further) * explained < LEAST_EXPLAINED

@@ -83,16 +83,22 @@ class Loop:
     columns : (n_loop, k) float32
     place_m : (n_loop,) float64
         Path coordinate of axle 0, unwrapped.
-    rolled_m : float
-        Way that a roller's tread covers in the loop, signed as travel.
+    length_m : float
+        Of the path, signed as travel.
     rack_m : float
         Travel of the rack, positive as it moves, less travel of the loop; but for whole pitches.
+    rolled_m : (n_loop + 1,) float64 or None
+        Way that axle 0's rollers have rolled since the run's first sample, signed as travel, also one
+        point past the loop: in it more than the path is long by twice the carriage's displacement,
+        and by how far from the path's middle they roll through the curves. None where columns of
+        everything are not asked for, or one pitch stands for the loop.
     """
 
     columns: np.ndarray
     place_m: Floats
-    rolled_m: float
+    length_m: float
     rack_m: float
+    rolled_m: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,7 @@ def simulate_loop(
     record = simulation.advance(
         duration, RATE_HZ, probes if is_all else np.vstack([place, probes])
     )
-    grid = np.asarray(np.arange(frame.n_loop) * frame.spacing_m, np.float64)
+    grid = np.asarray(np.arange(frame.n_loop + 1) * frame.spacing_m, np.float64)
     way = float(record[0, 1]) * simulation.dog_pitch
     rack = way * experiment.direction + abs(speed) * MARGIN_S
     unwrapped = np.unwrap(record[:, 0], period=length)
@@ -204,12 +210,13 @@ def simulate_loop(
     shift = _shift(origin, rack, travel, unwrapped, length, frame.pitch_m)
     where = ((grid - shift) / abs(speed) + MARGIN_S) * RATE_HZ
     seen = record[:, 2 : 3 + 5 * frame.n_links] if is_all else record[:, 2:]
-    columns = between(band_limited(seen.astype(np.float32), RATE_HZ), where)
+    inside, rows = where[:-1], np.arange(len(unwrapped))
     return Loop(
-        columns,
-        np.interp(where, np.arange(len(unwrapped)), unwrapped),
+        between(band_limited(seen.astype(np.float32), RATE_HZ), inside),
+        np.interp(inside, rows, unwrapped),
         float(length * experiment.direction),
         rack - shift,
+        np.interp(where, rows, record[:, -1]) if is_all else None,
     )
 
 

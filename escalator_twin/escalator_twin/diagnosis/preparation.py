@@ -89,8 +89,8 @@ def start_in(setting: Setting, responses: Responses) -> float:
     """Return the travel in the responses' loop at which the twin's run begins."""
     frame, base = responses.frame, responses.base
     direction = setting.experiment.direction
-    way = direction * np.append(base.place_m, base.place_m[0] + base.rolled_m)
-    length = abs(base.rolled_m)
+    way = direction * np.append(base.place_m, base.place_m[0] + base.length_m)
+    length = abs(base.length_m)
     target = way[0] + (direction * setting.start_s_m - way[0]) % length
     grid = np.arange(frame.n_loop + 1) * frame.spacing_m
     return float(np.interp(target, way, grid))

@@ -1,10 +1,11 @@
 """What every tolerance and every cause does to the signals of one experiment, per loop."""
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from math import pi
+from math import ceil, pi
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,14 +22,14 @@ from escalator_twin.diagnosis.loops import (
 from escalator_twin.diagnosis.rails import rail_columns
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics import run
-from escalator_twin.signals import Experiment
+from escalator_twin.signals import Experiment, Floats
 
 Columns = np.ndarray  # float32
+Ran = TypeVar('Ran')  # what a simulation is for
 Progress = Callable[[float, float], None]
 
 RAIL = 'rail/'  # before the number of a direction of `rail_columns`, beside the tolerances' names
 KNOB_STEP = 2.0  # standard deviations: far above what rattling rollers make of any change
-FLAT_PHASES = 12
 STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
 # Sizes at which a cause's response is taken: the reference of contracts.md, or half of it where
 # the reference is far from linear and smaller effects are asked for too.
@@ -101,6 +102,8 @@ class Responses:
         Change by a stop there.
     radius_m : float
         Of the rollers.
+    rolled_m : (n_loop + 1,) float64 or None
+        Of axle 0, in the run behind ``eccentric``: see `Loop`.
     """
 
     frame: Frame
@@ -112,11 +115,7 @@ class Responses:
     far: dict[tuple[str, str, float], Columns]
     stops: dict[float, Columns]
     radius_m: float
-
-    @property
-    def turn_per_loop(self) -> float:
-        """Angle that a roller turns in a loop, rad, signed as travel."""
-        return self.base.rolled_m / self.radius_m
+    rolled_m: Floats | None = None
 
 
 def find_responses(
@@ -147,9 +146,9 @@ def find_responses(
     every = all_probes()
     base = simulate_loop(machine, experiment, frame, every, origin=origin)
     is_loaded = max(experiment.load_per_step_kg) > 0.0
-    tasks: dict[object, Callable[[], Columns]] = {}
+    tasks: dict[object, Callable[[], Loop]] = {}
 
-    def cause_task(deviation: Deviation, size: float) -> Callable[[], Columns]:
+    def cause_task(deviation: Deviation, size: float) -> Callable[[], Loop]:
         return partial(_change, machine, experiment, base, frame, deviation, size)
 
     for name, (deviation, size) in {**ALL_PLACES, **WHOLE}.items():
@@ -165,12 +164,13 @@ def find_responses(
         frame,
         base,
         knobs,
-        {name: found[name] for name in WHOLE if name in found},
-        {name: found[name] for name in ALL_PLACES if name in found},
-        found['eccentric', 0] + 1j * found['eccentric', 1],
+        {name: found[name].columns for name in WHOLE if name in found},
+        {name: found[name].columns for name in ALL_PLACES if name in found},
+        found['eccentric', 0].columns + 1j * found['eccentric', 1].columns,
         {},
         {},
         machine.roller.diameter_m / 2.0,
+        found['eccentric', 0].rolled_m,
     )
 
 
@@ -181,13 +181,13 @@ def _change(
     frame: Frame,
     deviation: Deviation,
     size: float = 1.0,
-) -> Columns:
-    """Simulate one loop with a deviation; return what it changes, over ``size``."""
+) -> Loop:
+    """Simulate one loop with a deviation; return it with what that changes, over ``size``."""
     loop = simulate_loop(machine, experiment, frame, all_probes(), (deviation,), base.rack_m)
     change: Columns = (loop.columns - base.columns) / np.float32(size)
     if deviation.cause not in SHAKING:
         change[:, _shaken_columns(machine.chain.n_links)] = 0.0
-    return change
+    return replace(loop, columns=change)
 
 
 def find_far(
@@ -211,7 +211,7 @@ def find_far(
     """
     frame, base = responses.frame, responses.base
     stops = _stop_levels(base)
-    tasks: dict[object, Callable[[], Columns]] = {}
+    tasks: dict[object, Callable[[], Loop]] = {}
     for key in FAR:
         name, parameter, value = key
         place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
@@ -223,8 +223,8 @@ def find_far(
     found = _run(tasks, jobs, None)
     return replace(
         responses,
-        far={key: found[key] for key in FAR},
-        stops={level: found[level] for level in stops},
+        far={key: found[key].columns for key in FAR},
+        stops={level: found[level].columns for level in stops},
     )
 
 
@@ -287,32 +287,45 @@ def find_knobs(
 
 def find_flats(
     machine: Machine, experiment: Experiment, responses: Responses, jobs: int = 1
-) -> Columns:
+) -> tuple[Columns, Floats]:
     """Simulate one loop for a flat spot of the first roller at every phase.
+
+    Parameters
+    ----------
+    machine : Machine
+        With its tolerances turned.
+    experiment : Experiment
+    responses : Responses
+        Whose grid is taken, and from where travel is counted.
+    jobs : int
+        Simulations at a time.
 
     Returns
     -------
-    flats : (FLAT_PHASES, n_loop, 1 + 5 n) float32
-        Per metre of depth, for phases of 0 to 2 pi.
+    flats : (phases, n_loop, 1 + 5 n) float32
+        Per metre of depth, for phases of 0 to 2 pi: as many as the grid has points in a turn, or one
+        more. A spot's blows ring the chain at many times the turn's frequency; fewer phases fold
+        what the grid shows of that onto other orders.
+    rolled : (n_loop + 1,) float64
+        Way that the roller has rolled at the grid's points, see `Loop`.
     """
     frame, every = responses.frame, all_probes()
     experiment = replace(experiment, set_speed_m_s=frame.speed_m_s)
-
-    def task(phase: float) -> Callable[[], Columns]:
-        def work() -> Columns:
-            deviation = _tread('roller_flat', FLAT_M, phase)
-            loop = simulate_loop(
-                machine, experiment, frame, every, (deviation,), responses.base.rack_m
-            )
-            change: Columns = (loop.columns - responses.base.columns) / np.float32(FLAT_M)
-            change[:, _shaken_columns(machine.chain.n_links)] = 0.0
-            return change
-
-        return work
-
-    phases = [2.0 * pi * k / FLAT_PHASES for k in range(FLAT_PHASES)]
-    found = _run({phase: task(phase) for phase in phases}, jobs, None)
-    return np.stack([found[phase] for phase in phases])
+    rack = responses.base.rack_m
+    # of this very machine: a difference of anything else would count as the spot's
+    base = simulate_loop(machine, experiment, frame, every, (), rack)
+    count = 2 * ceil(pi * responses.radius_m / frame.spacing_m)
+    tasks: dict[object, Callable[[], Loop]] = {
+        k: partial(
+            _change, machine, experiment, base, frame,
+            _tread('roller_flat', FLAT_M, 2.0 * pi * k / count), FLAT_M,
+        )
+        for k in range(count)
+    }  # fmt: skip
+    found = _run(tasks, jobs, None)
+    rolled = found[0].rolled_m
+    assert rolled is not None, 'a machine with a flat spot is not the same after a pitch'
+    return np.stack([found[k].columns for k in range(count)]), rolled
 
 
 def _shaken_columns(n_links: int) -> list[int]:
@@ -329,11 +342,11 @@ def _stop_levels(base: Loop) -> list[float]:
 
 
 def _run(
-    tasks: dict[object, Callable[[], Columns]], jobs: int, progress: Progress | None
-) -> dict[object, Columns]:
+    tasks: Mapping[object, Callable[[], Ran]], jobs: int, progress: Progress | None
+) -> dict[object, Ran]:
     """Run tasks on threads; the compiled loop runs without Python's lock."""
     done = 0
-    found: dict[object, Columns] = {}
+    found: dict[object, Ran] = {}
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         futures = {key: pool.submit(task) for key, task in tasks.items()}
         for key, future in futures.items():

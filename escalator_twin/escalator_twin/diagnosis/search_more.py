@@ -47,7 +47,7 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
     ]
     if not at:
         return
-    length = abs(view.responses.base.rolled_m)
+    length = abs(view.responses.base.length_m)
     places = np.arange(0.0, length, RAIL_STEP_M)
     score, gains = np.zeros(len(places)), np.zeros(len(places))
     for start in range(0, len(places), CHUNK):
@@ -84,7 +84,7 @@ def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarr
 
 def _rail_trial(search: Search, place: float, sign: float) -> Iterator[Proposal]:
     """Run a bump at a place and beside it on the left; the right side is its mirror image."""
-    length = abs(search.view.responses.base.rolled_m)
+    length = abs(search.view.responses.base.length_m)
     count = 3 * round(length / 0.25)
     found: list[Proposal] = []
     for shift in RAIL_SHIFTS_M:

@@ -113,7 +113,7 @@ def drags(search: Search) -> Iterator[Proposal]:
     if found is None:
         return
     view = search.view
-    length = abs(view.responses.base.rolled_m)
+    length = abs(view.responses.base.length_m)
     count = int(np.ceil(length / DRAG_CELL_M))
     n, c = search.model.shape
     cells = np.zeros((count, n, c), np.float32)

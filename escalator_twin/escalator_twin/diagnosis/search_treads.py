@@ -1,30 +1,36 @@
 """Rollers whose tread is not round: eccentric ones, and flat spots."""
 
 from collections.abc import Iterator
-from math import atan2, hypot, pi
+from concurrent.futures import ThreadPoolExecutor
+from math import atan2, ceil, hypot, pi
 
 import numpy as np
+from scipy import fft
 
+from escalator_twin.diagnosis.knobs import turn_all
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regression import (
-    score_each,
-    score_groups,
-)
-from escalator_twin.diagnosis.responses import find_flats, FLAT_PHASES
+from escalator_twin.diagnosis.regression import inner_products, score_groups
+from escalator_twin.diagnosis.responses import find_flats
 from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
+from escalator_twin.signals import Floats
 
 FLAT_WORTH = 10.0  # chi squared by the first order from which flat spots are looked at
-SLIPS = np.linspace(-1e-3, 1e-3, 9)  # a quarter of a turn in a loop of the prototype is 2.5e-3
-FLAT_GRID = 36
+SLIP = 1e-3  # at most; a quarter of a turn in a loop of the prototype is 2.5e-3
+IN_STEP_RAD = 0.7  # by which the highest order may be late at the ends
+FLAT_GRID = 180  # phases: a sixth of the highest order's wave or less
 
 
 def eccentric(search: Search) -> Iterator[Proposal]:
     """Propose rollers whose tread is eccentric."""
     view = search.view
+    rolled = view.responses.rolled_m
+    if rolled is None:
+        return
+    before = search.stage.rolled_at_start()
     columns, keys = [], []
     for side in (False, True):
         for axle in range(view.n_links):
-            seen = view.turning(view.responses.eccentric, axle, side)
+            seen = view.turning(view.responses.eccentric, rolled, axle, side)
             columns += [seen.real, -seen.imag]
             keys.append((axle, SIDES[side]))
     sizes, gains = score_groups(search.fitted, search.whiten(np.stack(columns, axis=2)), 2)
@@ -32,7 +38,11 @@ def eccentric(search: Search) -> Iterator[Proposal]:
         axle, name = keys[k]
         amplitude = hypot(*sizes[k])
         # a sin(turn + phase) is the real part of a exp(i (turn + phase - pi/2))
-        phase = atan2(sizes[k, 1], sizes[k, 0]) + 0.5 * pi + view.turn_at_start(axle)
+        phase = (
+            atan2(sizes[k, 1], sizes[k, 0])
+            + 0.5 * pi
+            + view.turn_at_start(rolled, axle, before[axle])
+        )
         yield Proposal(
             'roller_eccentricity', {'axle': axle, 'side': name},
             {'amplitude_m': amplitude, 'phase_rad': wrapped(phase), 'slip': 0.0}, float(gains[k]),
@@ -43,52 +53,79 @@ def eccentric(search: Search) -> Iterator[Proposal]:
 
 def flats(search: Search) -> Iterator[Proposal]:
     """Propose rollers with a flat spot: first by low orders, then by the spot's angle."""
-    view = search.view
-    n = view.n_links
     # at the first order a flat spot is an eccentricity: where there is none, there is no spot
     turning = [p for p in eccentric(search) if p.gain > FLAT_WORTH]
     if not turning or not search.is_open:
         return
-    found = find_flats(
-        search.machine, search.stage.setting.experiment, view.responses, search.jobs
+    stage = search.stage
+    machine, experiment = turn_all(
+        search.machine, stage.setting.experiment, stage.knobs, stage.turned
     )
-    orders = np.fft.fft(found, axis=0) / FLAT_PHASES  # of exp(i h phase)
-    proposals = []
-    highest = FLAT_PHASES // 2 - 1
-    for proposal in turning:
-        axle, side = proposal.location['axle'], proposal.location['side'] == 'right'
-        assert isinstance(axle, int)
-        grid = 2.0 * pi * np.arange(FLAT_GRID) / FLAT_GRID
-        seen = [
-            view.turning(orders[order].astype(np.complex64), axle, side, order)
-            for order in range(1, highest + 1)
-        ]
-        turned = view.direction * view.observation.travel_m / view.responses.radius_m
-        slipping = []
-        for slip in SLIPS:
-            total = np.repeat(view.at(orders[0].real, axle, side)[:, :, None], FLAT_GRID, axis=2)
-            for order, wave in enumerate(seen, 1):
-                late = np.exp(1j * order * slip * turned).astype(np.complex64)
-                turn = np.exp(1j * order * grid).astype(np.complex64)
-                total = total + 2.0 * ((wave * late[:, None])[:, :, None] * turn).real
-            score = score_each(search.fitted, search.whiten(total))
-            good = np.where(score.size > 0.0, score.gain, 0.0)
-            top = int(np.argmax(good))
-            phase = grid[top] + view.turn_at_start(axle)
-            slipping.append(
-                Proposal(
-                    'roller_flat',
-                    {'axle': axle, 'side': SIDES[side]},
-                    {
-                        'depth_m': float(max(score.size[top], 0.0)),
-                        'phase_rad': wrapped(phase),
-                        'slip': float(slip),
-                    },
-                    float(good[top]),
-                    {'depth_m': float(score.sd[top])},
-                    2 * n * FLAT_GRID // 3,
-                    ('depth_m', 'phase_rad', 'slip'),
-                )
-            )
-        proposals += best(slipping, 1)
-    yield from best(proposals, 3)
+    found, rolled = find_flats(machine, experiment, search.view.responses, search.jobs)
+    before = stage.rolled_at_start()
+    orders = fft.rfft(found, axis=0)[: len(found) // 2] / np.float32(len(found))
+    with ThreadPoolExecutor(max(1, search.jobs)) as pool:
+        spots = pool.map(lambda p: _spot(search, orders, rolled, before, p), turning)
+        yield from best([spot for spot in spots if spot.gain > 0.0], 3)
+
+
+def _spot(
+    search: Search, orders: np.ndarray, rolled_m: Floats, before_m: Floats, like: Proposal
+) -> Proposal:
+    """Return the flat spot that explains most on a roller that may be eccentric.
+
+    Parameters
+    ----------
+    search : Search
+    orders : (h, n_loop, 1 + 5 n) complex64
+        Of what a spot does, as a series of its phase: orders 0 to h - 1 per turn.
+    rolled_m : (n_loop + 1,) float64
+        Of axle 0 in the runs behind that.
+    before_m : (n_links,) float64
+        Of all axles, see `Stage.rolled_at_start`.
+    like : Proposal
+        Of that roller.
+    """
+    view = search.view
+    axle, side = like.location['axle'], like.location['side'] == SIDES[1]
+    assert isinstance(axle, int)
+    waves = np.stack(
+        [view.turning(wave, rolled_m, axle, side, order) for order, wave in enumerate(orders)],
+        axis=2,
+    )
+    waves[:, :, 1:] *= 2.0
+    turned = view.direction * view.observation.travel_m / view.responses.radius_m
+    number = np.arange(len(orders))
+    grid = 2.0 * pi * np.arange(FLAT_GRID) / FLAT_GRID
+    series = np.exp(1j * grid[:, None] * number)
+    # real and imaginary parts; of order 0 there is no imaginary one
+    series = np.hstack([series.real, -series.imag[:, 1:]])
+    # steps of slip small enough for the highest order to stay in step over half the recording
+    half = 0.5 * float(np.ptp(turned))
+    count = 2 * ceil(SLIP * half * len(orders) / IN_STEP_RAD) + 1
+    spots = []
+    for slip in np.linspace(-SLIP, SLIP, count):
+        late = np.exp(1j * slip * turned[:, None] * number).astype(np.complex64)
+        seen = waves * late[:, None]
+        columns = np.concatenate([seen.real, seen.imag[:, :, 1:]], axis=2)
+        right, gram = inner_products(search.fitted, search.whiten(columns))
+        total = series @ right
+        power = np.maximum(np.einsum('ij,jk,ik->i', series, gram, series), 1e-12)
+        gain = np.where(total > 0.0, total**2 / power, 0.0)
+        top = int(np.argmax(gain))
+        sizes = (gain[top], slip, grid[top], total[top] / power[top], power[top])
+        spots.append(tuple(float(size) for size in sizes))
+    most, slip, phase, depth, weight = max(spots)
+    return Proposal(
+        'roller_flat',
+        like.location,
+        {
+            'depth_m': depth,
+            'phase_rad': wrapped(phase + view.turn_at_start(rolled_m, axle, before_m[axle])),
+            'slip': slip,
+        },
+        most,
+        {'depth_m': weight**-0.5},
+        2 * view.n_links * 2 * len(orders),
+        ('depth_m', 'phase_rad', 'slip'),
+    )

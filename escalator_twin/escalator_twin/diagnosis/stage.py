@@ -111,6 +111,19 @@ class Stage:
         machine, experiment = turn_all(self.machine, self.setting.experiment, self.knobs, sizes)
         return run_beside(apply(machine, deviations), experiment, self.setting)
 
+    def rolled_at_start(self) -> Floats:
+        """Return the way that every axle's rollers have rolled at a run's first sample, m, (n_links,).
+
+        About none: rollers begin a settling way before, and pass curves and carriage on it.
+        """
+        machine, experiment = turn_all(
+            self.machine, self.setting.experiment, self.knobs, self.turned
+        )
+        simulation = built(machine, experiment)
+        simulation.start(self.setting.start_s_m)
+        rolled: Floats = simulation.state.roll.mean(axis=0)
+        return rolled
+
     def on_grid(self, trace: Trace) -> Floats:
         """Put a run onto the observation's grid, (n, c)."""
         columns = {s.channel: i for i, s in enumerate(self.machine.instruments.sensors)}

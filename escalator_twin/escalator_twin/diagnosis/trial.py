@@ -18,7 +18,6 @@ from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.turns import best_turn
 from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
 from escalator_twin.diagnosis.waves import DRIVE, locked, pairs
 
@@ -35,8 +34,8 @@ LARGE = 300.0
 # Of what is left above a good machine's: a step with all tolerances run beside the effect that gains less
 # is the last.
 WORTH = 0.05
-# Whose ends, angle or frequency are looked for with the twin itself: the best of each.
-SCANS = {'guide_drag': best_stretch, 'roller_flat': best_turn, 'truss_resonance': best_frame}
+# Whose ends or frequency are looked for with the twin itself: the best of each.
+SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
 # Whose sides look alike but for the axle's racking.
 SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
 

@@ -64,34 +64,47 @@ class View:
         views = [self.at(columns, i, side) for side in sides for i in range(self.n_links)]
         return np.stack(views, axis=2)
 
-    def turning(self, waves: np.ndarray, index: int, mirrored: bool, order: int = 1) -> np.ndarray:
-        """Return a complex response to a tread's wave of some order per turn: (n, c)."""
+    def turning(
+        self, waves: np.ndarray, rolled_m: Floats, index: int, mirrored: bool, order: int = 1
+    ) -> np.ndarray:
+        """Return a complex response to a tread's wave of some order per turn: (n, c).
+
+        ``rolled_m`` (n_loop + 1,) is the way that axle 0 rolled in the run behind ``waves``.
+        """
         frame = self.observation.frame
         where = self.unwrapped(index)
         picked = at_sensors(waves, self.probes, self.n_links, index, mirrored)
         loops = where // frame.n_loop
-        turn = np.exp(1j * order * self.responses.turn_per_loop * loops).astype(np.complex64)
+        per_loop = (rolled_m[-1] - rolled_m[0]) / self.responses.radius_m
+        turn = np.exp(1j * order * per_loop * loops).astype(np.complex64)
         seen: np.ndarray = picked[where % frame.n_loop] * turn[:, None]
         return seen
 
     def place_of(self, index: int) -> Floats:
         """Return the path coordinate of axle ``index`` at the grid points, m, (n,)."""
-        length = abs(self.responses.base.rolled_m)
+        length = abs(self.responses.base.length_m)
         place = self.responses.base.place_m[self.unwrapped(index) % self.observation.frame.n_loop]
         found: Floats = place % length
         return found
 
-    def turn_at_start(self, index: int) -> float:
-        """Return the angle that a roller of axle ``index`` has at the run's start, rad.
+    def turn_at_start(self, rolled_m: Floats, index: int, at_start_m: float) -> float:
+        """Return the angle by which a tread's phase in a loop is behind that in the run, rad.
 
-        Counted from where part 0 stands at path coordinate 0.
+        Parameters
+        ----------
+        rolled_m : (n_loop + 1,) float64
+            Way that axle 0 rolled in the loop.
+        index : int
+            Of the axle.
+        at_start_m : float
+            Way that it has rolled at the first sample of a run beside the recording, see
+            `Stage.rolled_at_start`.
         """
-        frame = self.observation.frame
+        frame, n = self.observation.frame, len(rolled_m) - 1
         where = (
             self.observation.start_m / frame.spacing_m + self.direction * index * frame.per_pitch
         )
-        loops = np.floor(where / frame.n_loop)
-        place = self.responses.base.place_m
-        way = np.append(place, place[0] + self.responses.base.rolled_m) - place[0]
-        here = np.interp(where - loops * frame.n_loop, np.arange(frame.n_loop + 1), way)
-        return float(here / self.responses.radius_m + loops * self.responses.turn_per_loop)
+        loops = np.floor(where / n)
+        rolled = np.interp(where - loops * n, np.arange(n + 1), rolled_m)
+        rolled += loops * (rolled_m[-1] - rolled_m[0])
+        return float((rolled - at_start_m) / self.responses.radius_m)

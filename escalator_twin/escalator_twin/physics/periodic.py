@@ -188,7 +188,7 @@ def record_pitch(
         return None
     rack = float(rows[0, 1]) * simulation.dog_pitch + speed * margin
     direction = int(np.sign(speed))
-    return Pitch(rows[:, 2:], rate_hz, margin, period, direction, length, rack, speed)
+    return Pitch(rows[:, 2:-1], rate_hz, margin, period, direction, length, rack, speed)
 
 
 def run_periodic(

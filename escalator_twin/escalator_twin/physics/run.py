@@ -73,7 +73,7 @@ def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, si
 def width_of(probes: NDArray[np.int64], n_links: int) -> int:
     """Return how many columns a record with these probes has."""
     is_all = len(probes) == 1 and probes[0, 0] == EVERYTHING
-    return 3 + 6 * n_links if is_all else len(probes)
+    return 4 + 6 * n_links if is_all else len(probes)
 
 
 @compiled
@@ -81,7 +81,7 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
     """Write place of axle 0, rack's travel, carriage, all links and the steps' accelerations.
 
     In this order: place, travel, carriage, tensions of the left links, of the right, accelerations along
-    x of all steps, along y, along z, places of all axles.
+    x of all steps, along y, along z, places of all axles, the way that the rollers of axle 0 rolled.
     """
     out, base = state.acceleration, len(state.reaction)
     m, n = state.s.shape
@@ -108,6 +108,7 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
         row[3 + 3 * n + i] = 0.5 * (out[a] + out[b])
         row[3 + 4 * n + i] = (az * ex - ax * ez) / length
     row[0] = row[3 + 5 * n]
+    row[3 + 6 * n] = 0.5 * (state.roll[0, 0] + state.roll[m - 1, 0])
 
 
 @compiled
