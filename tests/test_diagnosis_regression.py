@@ -9,6 +9,7 @@ import pytest
 
 from escalator_twin.diagnosis.regression import (
     fit,
+    fit_swapped,
     inner_products,
     inverse,
     score_each,
@@ -143,3 +144,20 @@ def test_units_of_columns_do_not_decide_what_is_null():
     twice = np.column_stack([columns, columns[:, 0]])
     size = inverse(twice.T @ twice) @ twice.T @ columns[:, 0]
     np.testing.assert_allclose(size, [0.5, 0.0, 0.0, 0.5], atol=1e-6)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_fit_with_some_columns_swapped_is_the_fit_with_those_columns(seed):
+    problem = Problem(seed)
+    rng = np.random.default_rng(seed + 100)
+    at = [5, 1]
+    others = rng.normal(size=(len(problem.white), 2)).astype(np.float32)
+    white = rng.normal(size=len(problem.white)).astype(np.float32)
+    offset = rng.normal(size=len(problem.offset))
+    columns = problem.columns.copy()
+    columns[:, at] = others
+    whole = fit(white, columns, offset)
+    before = fit(problem.white, problem.columns, problem.offset)
+    left, sizes = fit_swapped(before, white, at, others, offset)
+    np.testing.assert_allclose(sizes, whole.sizes, rtol=20.0 * SINGLE, atol=20.0 * SINGLE)
+    np.testing.assert_allclose(left, whole.left(), atol=20.0 * SINGLE)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import trial
+from escalator_twin.diagnosis import fitting, polish, trial
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -186,13 +186,21 @@ def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
     afar = Afar(None, SimpleNamespace(stage=stage, model=None, fitted=None), [ROLLING])
     with ThreadPoolExecutor(1) as pool:
         found = trial._tried_afar(None, afar, None, known, pool, 1, level=1e3)
+        in_vain = trial._tried_afar(None, afar, None, known, pool, 1, 1e3, lambda *_: False)
     assert bool(found) is is_fitted
+    assert not in_vain
 
 
 @pytest.mark.parametrize(
-    ('cause', 'tried'), [('roller_flat', ['right']), ('roller_drag', ['right']), ('step_mass', [])]
+    ('cause', 'alone', 'tried'),
+    [
+        ('roller_flat', 3.9e4, ['right']),
+        ('roller_flat', 1.9e4, []),  # run once, it explains half as much: another thing
+        ('roller_drag', 3.9e4, ['right']),
+        ('step_mass', 3.9e4, []),
+    ],
 )
-def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, tried):
+def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, alone, tried):
     stage = SimpleNamespace(turned={'racking': 1.2})
     fit = Polished(None, SimpleNamespace(stage=stage), (), ())
     left = Proposal(cause, {'axle': 38, 'side': 'left'}, {'x': 1.0}, 4e4)
@@ -205,6 +213,37 @@ def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, tried):
 
     monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
     refined = [Refined(left, None, None, 4e4, {}, None, ())]
-    found = trial._other_sides(None, (), refined, [Tried(left, 4e4, {}, fit)], 1)
+    found = trial._other_sides(None, (), refined, [Tried(left, 4e4, {}, fit)], 1, lambda _: alone)
     assert done == tried
     assert [t.proposal.location['axle'] for t in found] == [38] * len(tried)
+
+
+@pytest.mark.parametrize(('led_to', 'steps'), [(1.2e3, 1), (1.3e3, 0)])
+def test_what_tolerances_lead_far_above_is_not_fitted(monkeypatch, led_to, steps):
+    place = SimpleNamespace(stage=SimpleNamespace(turned={}), level=led_to)
+    done = []
+
+    class Fit:
+        context = 'context'
+
+        def __init__(self, *_):
+            pass
+
+        def beside(self, *_):
+            return place
+
+        def columns(self, *_):
+            done.append('step')
+
+        def spreads(self, *_):
+            return ({},)
+
+        def step(self, *_):
+            return None
+
+    monkeypatch.setattr(polish, 'JointFit', Fit)
+    monkeypatch.setattr(polish, 'led', lambda fit, place, effects, _: (fit, place, effects))
+    monkeypatch.setattr(polish, 'judged', lambda place, _: place.level)
+    found = polish.polish(None, [ROLLING], {}, most=fitting.MOST_LED * 1e3)
+    assert len(done) == steps
+    assert found.place is place

@@ -7,6 +7,7 @@ take it in a few steps.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED
 from escalator_twin.diagnosis.joint import Free, JointFit, judged, moved_all
@@ -55,6 +56,7 @@ def polish(
     jobs: int = 1,
     steps: int = STEPS,
     is_near: bool = False,
+    most: float = inf,
 ) -> Polished:
     """Fit the numbers of effects of the machine together with its tolerances.
 
@@ -77,6 +79,8 @@ def polish(
         Of Gauss and Newton, at most.
     is_near : bool
         ``turned`` is where the tolerances fit: it was found beside much the same effects.
+    most : float
+        Chi squared: where the tolerances lead to more, nothing is fitted.
     """
     effects = tuple(effects)
     stood_for = {str(e.nuisance) for e in (*effects, *known)}
@@ -90,7 +94,7 @@ def polish(
     tangent = dict(place.stage.turned)
     spreads = tuple(dict[str, float]() for _ in effects)
     left = ANEW
-    for _ in range(steps):
+    for _ in range(steps if judged(place, effects) <= most else 0):
         white = fit_one.columns(place, effects, jobs)
         spreads = fit_one.spreads(place, effects, white)
         trial = fit_one.step(place, effects, white)

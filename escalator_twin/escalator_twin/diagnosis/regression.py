@@ -1,5 +1,6 @@
 """Generalised least squares with priors: how much better one more column explains a signal."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,6 +80,46 @@ def fit(white: np.ndarray, columns: np.ndarray, offset: Floats | None = None) ->
     projected = (columns.T @ white).astype(np.float64) - start
     factor = linalg.cholesky(gram + np.eye(q), lower=True)
     return Fitted(white, columns, gram, factor, projected, start)
+
+
+def fit_swapped(
+    before: Fitted, white: np.ndarray, at: Sequence[int], others: np.ndarray, offset: Floats
+) -> tuple[np.ndarray, Floats]:
+    """Fit a residual with the columns of an earlier fit, but for some that are others now.
+
+    The products of those that stay are known, and are most of what a fit costs.
+
+    Parameters
+    ----------
+    before : Fitted
+    white : (m,) float32
+        The residual.
+    at : sequence of int
+        Which columns are swapped.
+    others : (m, k) float32
+        For what, whitened.
+    offset : (q,) float64
+        Sizes of the nuisance that the model behind the residual holds already.
+
+    Returns
+    -------
+    left : (m,) float32
+        The residual with the nuisance taken out.
+    sizes : (q,) float64
+        Of the nuisance, beyond ``offset``.
+    """
+    gram = before.gram.copy()
+    gram[:, at] = before.columns.T @ others
+    gram[at, :] = gram[:, at].T
+    gram[np.ix_(at, at)] = others.T @ others
+    projected = (before.columns.T @ white).astype(np.float64)
+    projected[at] = others.T @ white
+    factor = linalg.cholesky(gram + np.eye(len(gram)), lower=True)
+    sizes: Floats = linalg.cho_solve((factor, True), projected - offset)
+    kept = sizes.astype(np.float32)
+    kept[at] = 0.0
+    left = white - before.columns @ kept - others @ sizes[at].astype(np.float32)
+    return left, sizes
 
 
 @dataclass(frozen=True)

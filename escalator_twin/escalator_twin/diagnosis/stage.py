@@ -172,9 +172,15 @@ class Stage:
         """Return the chi squared that a cause is judged by: of the channels that it acts on."""
         if cause in SHAKING:
             return fitted.chi2
-        left = fitted.left().astype(np.float64).reshape(-1, len(self.observation.channels))
-        used = fitted.sizes + fitted.offset
-        return float(np.sum(left[:, self.quiet] ** 2) + used @ used)
+        return self.level(fitted.left(), fitted.sizes + fitted.offset)
+
+    def level(self, left: np.ndarray, used: Floats) -> float:
+        """Return chi squared in the channels that no rattling shakes.
+
+        ``left`` (m,) is what is left there, whitened; ``used`` (q,) are the sizes of the nuisance.
+        """
+        rows = left.astype(np.float64).reshape(-1, len(self.observation.channels))
+        return float(np.sum(rows[:, self.quiet] ** 2) + used @ used)
 
     def columns(self, changes: np.ndarray, cause: str) -> np.ndarray:
         """Whiten what a cause changes, (n, c, p), in the channels that it acts on."""

@@ -15,6 +15,7 @@ from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
@@ -36,7 +37,9 @@ LARGE = 300.0
 WORTH = 0.05
 # Whose ends or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
-# Whose sides look alike but for the axle's racking.
+# Whose sides look alike but for the axle's racking. A side that explains less, run once, than this share of
+# what the first one did will not be taken for it: how far a fit has come made a few hundredths.
+ALIKE = 0.6
 SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
 
 
@@ -97,11 +100,15 @@ def try_all(
         leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
         leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
         fitted_again = _fitted_all(context, place, known, leading, jobs)
-        fitted_again += _other_sides(place, known, refined, fitted_again, jobs)
+
+        def gain_of(proposal: Proposal) -> float:
+            return max((p.gain for p in scored(stage, base, fitted, [proposal])), default=0.0)
+
+        fitted_again += _other_sides(place, known, refined, fitted_again, jobs, gain_of)
         if afar is not None and not is_closed(fitted_again, context.floor):
             best = max((t.gain for t in fitted_again), default=0.0)
             level = place.stage.judged(place.fitted) - best
-            fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level)
+            fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level, worth)
             if known or is_riddle(place, fitted_again, context.floor):
                 fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
@@ -212,10 +219,11 @@ def _other_sides(
     refined: Sequence[Refined],
     fitted: Sequence[Tried],
     jobs: int,
+    gain_of: Callable[[Proposal], float],
 ) -> list[Tried]:
     """Fit the best on its other sides too, from the tolerances that it ended with.
 
-    The sides differ by little: which is right must not hang on how far each fit has come.
+    Where the sides differ by little, which is right must not hang on how far each fit has come.
 
     Parameters
     ----------
@@ -223,6 +231,8 @@ def _other_sides(
         All contenders.
     fitted : sequence of Tried
         The leading ones.
+    gain_of : callable
+        What a proposal that is run once gains at its best size.
     """
     best = max((t for t in fitted if t.polished is not None), key=lambda t: t.gain, default=None)
     if best is None or best.polished is None or best.proposal.cause not in SIDED:
@@ -239,7 +249,10 @@ def _other_sides(
         other = SIDES[1 - SIDES.index(str(side))]
         location = {**best.proposal.location, 'side': other}
         like = next(r for r in refined if r.proposal.cause == best.proposal.cause)
-        others = {other: replace(like, proposal=replace(best.proposal, location=location))}
+        mirrored = replace(best.proposal, location=location)
+        others = {other: replace(like, proposal=mirrored, gain=gain_of(mirrored))}
+    own = max(r.gain for r in refined if r.proposal.cause == best.proposal.cause)
+    others = {name: r for name, r in others.items() if r.gain > ALIKE * own}
     turned = best.polished.place.stage.turned
     context = best.polished.context
     if best.proposal.cause in LOCAL:  # all leading ones began at the same tolerances
@@ -267,10 +280,12 @@ def _tried_afar(
     pool: ThreadPoolExecutor,
     jobs: int,
     level: float,
+    worth: Worth | None = None,
 ) -> list[Tried]:
     """Fit what was sought from the machine as described, beginning there.
 
-    ``level`` is the chi squared that others come down to: what is far above it is left.
+    ``level`` is the chi squared that others come down to: what is far above it is left. ``worth`` is that
+    of `try_all`.
     """
     base = afar.place
     above = base.stage.judged(base.fitted)
@@ -279,6 +294,7 @@ def _tried_afar(
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
+    leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]

@@ -22,9 +22,9 @@ from escalator_twin.diagnosis.context import (
 )
 from escalator_twin.diagnosis.loops import BAND_HZ
 from escalator_twin.diagnosis.nuisance import make_nuisance, shifts
+from escalator_twin.diagnosis.regression import fit_swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
-from escalator_twin.signals import Floats
 
 CUTS_HZ = (4.0, 8.0, 14.0)  # up to which signals are compared, before all of the band
 MOST_STEPS = 4  # over all of the band
@@ -71,20 +71,19 @@ def coarse_to_fine(
         In which tolerances are turned far, to leave a hollow.
     """
     search = _Search(context, place, place.stage.lean(place.model), deviations, jobs, held, free)
-    turned = dict(place.stage.turned)
+    turned: Mapping[str, float] = place.stage.turned
     fast = [knob.name for knob in place.stage.knobs if not knob.name.startswith(SLOW)]
     slow_alone = replace(search, held=(*held, *fast))
     for cut in CUTS_HZ:
         if cut < BAND_HZ:
-            turned = slow_alone.descend(turned, cut)[0].stage.turned
-    there, is_fresh = search.descend(turned)
+            turned, _ = slow_alone.descend(turned, cut)
+    turned, start = search.descend(turned)
     for kick in KICKS[:rounds]:
-        start = there if is_fresh else search.at(there.stage.turned)
+        start = start or search.at(turned)
         kicked, level = search.kicked(start, kick)
-        there, is_fresh = start, True
         if level < quiet_chi2(start) - WORTH_A_ROUND:
-            there, is_fresh = search.descend(kicked)
-    return dict(there.stage.turned)
+            turned, start = search.descend(kicked)
+    return dict(turned)
 
 
 @dataclass(frozen=True)
@@ -111,19 +110,17 @@ class _Search:
 
     def descend(
         self, turned: Mapping[str, float], cut_hz: float | None = None
-    ) -> tuple[Beside, bool]:
-        """Step down by slopes; return where that ends, and whether its slopes were taken there."""
-        after = None
+    ) -> tuple[Mapping[str, float], Beside | None]:
+        """Step down by slopes; return where that ends, and the machine there where it was run."""
         for _ in range(MOST_STEPS if cut_hz is None else 1):
             start = self.at(turned, cut_hz)
-            after = _step(start)
-            if after is None:
-                return start, True
-            turned = after.stage.turned
-            if quiet_chi2(start) - quiet_chi2(after) < SETTLED:
+            stepped = _step(start)
+            if stepped is None:
+                return start.stage.turned, start
+            turned, level = stepped
+            if quiet_chi2(start) - level < SETTLED:
                 break
-        assert after is not None
-        return after, False
+        return turned, None
 
     def kicked(self, start: Beside, by: float) -> tuple[dict[str, float], float]:
         """Return the tolerances with some turned far, those that explain most, and chi squared.
@@ -145,10 +142,7 @@ class _Search:
         ways.append({name: 0.0 for name in free if not name.startswith(SLOW)})
 
         def level(way: Mapping[str, float]) -> float:
-            stage = replace(start.stage, turned={**now, **way})
-            model = stage.run()
-            stage = _shifting(stage, model)
-            return stage.judged(stage.fit(model))
+            return _level(start, replace(start.stage, turned={**now, **way}))
 
         with ThreadPoolExecutor(max(1, self.jobs)) as pool:
             levels = list(pool.map(level, ways))
@@ -213,27 +207,34 @@ def _beside(
     return found if free is None else free(found)
 
 
-def _step(place: Beside) -> Beside | None:
-    """Turn the tolerances by a step, or by a part of it, that explains more; None without one."""
+def _step(place: Beside) -> tuple[Mapping[str, float], float] | None:
+    """Turn the tolerances by a step, or by a part of it, that explains more; None without one.
+
+    Returns
+    -------
+    turned : mapping of tolerance to float
+    level : float
+        Chi squared there.
+    """
     before = quiet_chi2(place)
     for share in STEP_SHARES:
         stage = place.stage.tuned(place.fitted, share)
-        model = stage.run()
-        stage = _shifting(stage, model)
-        after = replace(place, stage=stage, model=model, fitted=stage.fit(model))
-        if quiet_chi2(after) < before:
-            return after
+        level = _level(place, stage)
+        if level < before:
+            return stage.turned, level
     return None
 
 
-def _shifting(stage: Stage, model: Floats) -> Stage:
-    """Return the stage whose course and clocks shift this model.
+def _level(place: Beside, stage: Stage) -> float:
+    """Return chi squared of a trial: a machine as at ``place``, its tolerances turned otherwise.
 
     The alignment is kept while tolerances are tuned, and may be some millimetres off until they are: near
     a resonance the waves that these millimetres shift are others after a part of a standard deviation.
+    What course and clocks shift is therefore the trial's own.
     """
-    found = shifts(stage.observation, model, stage.machine)
-    at = [stage.nuisance.names.index(name) for name in found]
-    white = stage.white_nuisance.copy()
-    white[:, at] = stage.whiten(np.stack(list(found.values()), axis=2))
-    return replace(stage, white_nuisance=white)
+    model = stage.run()
+    shifted = shifts(stage.observation, model, stage.machine)
+    at = [stage.nuisance.names.index(name) for name in shifted]
+    others = stage.whiten(np.stack(list(shifted.values()), axis=2))
+    left, sizes = fit_swapped(place.fitted, stage.white(model), at, others, stage.offset)
+    return stage.level(left, sizes + stage.offset)
