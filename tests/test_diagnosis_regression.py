@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.regression import (
     inverse,
     score_each,
     score_groups,
+    swapped,
 )
 
 pytestmark = pytest.mark.issue(6)
@@ -161,3 +162,11 @@ def test_a_fit_with_some_columns_swapped_is_the_fit_with_those_columns(seed):
     left, sizes = fit_swapped(before, white, at, others, offset)
     np.testing.assert_allclose(sizes, whole.sizes, rtol=20.0 * SINGLE, atol=20.0 * SINGLE)
     np.testing.assert_allclose(left, whole.left(), atol=20.0 * SINGLE)
+    again = swapped(before, white, at, others, offset)
+    assert again.chi2 == pytest.approx(whole.chi2, rel=1e-4)
+    np.testing.assert_allclose(again.left(), whole.left(), atol=20.0 * SINGLE)
+    np.testing.assert_allclose(
+        inner_products(again, problem.candidates)[1],
+        inner_products(whole, problem.candidates)[1],
+        atol=20.0 * SINGLE * len(white),
+    )

@@ -148,7 +148,7 @@ def refine(
         current = stage.run((proposal.deviation,), without)
     except EscalatorError:
         return None
-    best = _weigh(stage, current, proposal)
+    best = _weigh(stage, current, proposal, fitted)
     judged = partial(stage.judged, cause=proposal.cause)
     before = judged(fitted)
     jacobian = jacobian_of(stage, base, current, proposal, without)
@@ -168,7 +168,7 @@ def refine(
                 model = stage.run((trial.deviation,), without)
             except EscalatorError:
                 continue
-            after = _weigh(stage, model, trial)
+            after = _weigh(stage, model, trial, fitted)
             if judged(after) < judged(best):
                 break
         if judged(after) >= judged(best):
@@ -188,9 +188,9 @@ def refine(
     return Refined(proposal, current, best, before - judged(best), sd, jacobian, keys)
 
 
-def _weigh(stage: Stage, model: Floats, proposal: Proposal) -> Fitted:
+def _weigh(stage: Stage, model: Floats, proposal: Proposal, before: Fitted) -> Fitted:
     """Fit the nuisance, without the one that the proposal stands for."""
-    fitted = stage.fit(model)
+    fitted = stage.fit_shifted(model, before)
     if proposal.nuisance in stage.nuisance.names:
         return fitted.without(stage.nuisance.names.index(str(proposal.nuisance)))
     return fitted

@@ -108,6 +108,28 @@ def fit_swapped(
     sizes : (q,) float64
         Of the nuisance, beyond ``offset``.
     """
+    _, factor, projected = _swapped_products(before, white, at, others, offset)
+    sizes: Floats = linalg.cho_solve((factor, True), projected)
+    kept = sizes.astype(np.float32)
+    kept[at] = 0.0
+    left = white - before.columns @ kept - others @ sizes[at].astype(np.float32)
+    return left, sizes
+
+
+def swapped(
+    before: Fitted, white: np.ndarray, at: Sequence[int], others: np.ndarray, offset: Floats
+) -> Fitted:
+    """Return the fit itself, with its columns; parameters are those of `fit_swapped`."""
+    columns = before.columns.copy()
+    columns[:, at] = others
+    products = _swapped_products(before, white, at, others, offset)
+    return Fitted(white, columns, *products, offset)
+
+
+def _swapped_products(
+    before: Fitted, white: np.ndarray, at: Sequence[int], others: np.ndarray, offset: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return Gram matrix, factor and right side of a fit with some columns swapped."""
     gram = before.gram.copy()
     gram[:, at] = before.columns.T @ others
     gram[at, :] = gram[:, at].T
@@ -115,11 +137,7 @@ def fit_swapped(
     projected = (before.columns.T @ white).astype(np.float64)
     projected[at] = others.T @ white
     factor = linalg.cholesky(gram + np.eye(len(gram)), lower=True)
-    sizes: Floats = linalg.cho_solve((factor, True), projected - offset)
-    kept = sizes.astype(np.float32)
-    kept[at] = 0.0
-    left = white - before.columns @ kept - others @ sizes[at].astype(np.float32)
-    return left, sizes
+    return gram, factor, projected - offset
 
 
 @dataclass(frozen=True)

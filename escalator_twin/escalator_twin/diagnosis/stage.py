@@ -9,9 +9,9 @@ from escalator_twin.comparison.locate import RATE_HZ, Setting
 from escalator_twin.diagnosis.floor import is_shaken, SHAKING
 from escalator_twin.diagnosis.knobs import Knob, knobs_of, turn_all
 from escalator_twin.diagnosis.loops import alike, built, rack_shift
-from escalator_twin.diagnosis.nuisance import Nuisance
+from escalator_twin.diagnosis.nuisance import Nuisance, shifts
 from escalator_twin.diagnosis.observation import Observation, on_grid
-from escalator_twin.diagnosis.regression import fit, Fitted
+from escalator_twin.diagnosis.regression import fit, Fitted, swapped
 from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics.path import build_path
@@ -161,6 +161,20 @@ class Stage:
     def fit(self, model: Floats) -> Fitted:
         """Fit the nuisance to what a model leaves."""
         return fit(self.white(model), self.white_nuisance, self.offset)
+
+    def fit_shifted(self, model: Floats, before: Fitted) -> Fitted:
+        """Fit the nuisance to what a model leaves, course and clocks shifting that model.
+
+        They are kept as they were aligned with another model; ``before`` is a fit of this stage. Beside
+        that model's slopes, what moves a resonance by a part of its width seems to explain nothing.
+        """
+        return swapped(before, self.white(model), *self.shifts(model), self.offset)
+
+    def shifts(self, model: Floats) -> tuple[list[int], np.ndarray]:
+        """Return where course and clocks are in the nuisance, and what they do to a model, whitened."""
+        found = shifts(self.observation, model, self.machine)
+        at = [self.nuisance.names.index(name) for name in found]
+        return at, self.whiten(np.stack(list(found.values()), axis=2))
 
     @property
     def quiet(self) -> np.ndarray:

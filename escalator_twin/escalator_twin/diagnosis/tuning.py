@@ -21,7 +21,7 @@ from escalator_twin.diagnosis.context import (
     with_own_tolerances,
 )
 from escalator_twin.diagnosis.loops import BAND_HZ
-from escalator_twin.diagnosis.nuisance import make_nuisance, shifts
+from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.regression import fit_swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.machine import Deviation
@@ -233,8 +233,5 @@ def _level(place: Beside, stage: Stage) -> float:
     What course and clocks shift is therefore the trial's own.
     """
     model = stage.run()
-    shifted = shifts(stage.observation, model, stage.machine)
-    at = [stage.nuisance.names.index(name) for name in shifted]
-    others = stage.whiten(np.stack(list(shifted.values()), axis=2))
-    left, sizes = fit_swapped(place.fitted, stage.white(model), at, others, stage.offset)
+    left, sizes = fit_swapped(place.fitted, stage.white(model), *stage.shifts(model), stage.offset)
     return stage.level(left, sizes + stage.offset)
