@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,7 @@ from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.errors import EscalatorError
 
 pytestmark = pytest.mark.issue(7)
 
@@ -247,3 +249,21 @@ def test_what_tolerances_lead_far_above_is_not_fitted(monkeypatch, led_to, steps
     found = polish.polish(None, [ROLLING], {}, most=fitting.MOST_LED * 1e3)
     assert len(done) == steps
     assert found.place is place
+
+
+@pytest.mark.parametrize(
+    ('turned', 'most'), [({}, fitting.MOST_LED * 1e3), (None, inf), ({'preload': 1.0}, inf)]
+)
+def test_only_a_fit_from_the_machine_as_described_may_be_left_at_that(monkeypatch, turned, most):
+    limits = []
+
+    def no_machine(*_, **given):
+        limits.append(given['most'])
+        raise EscalatorError('no such machine')
+
+    monkeypatch.setattr(fitting, 'polish', no_machine)
+    stage = SimpleNamespace(judged=lambda *_: 1e3, turned={})
+    refined = Refined(ROLLING, None, None, 500.0, {}, None, ())
+    place = SimpleNamespace(stage=stage, fitted=None)
+    fitting.fitted_beside(None, place, (), refined, turned)
+    assert limits == [most]
