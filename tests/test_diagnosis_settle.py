@@ -8,7 +8,7 @@ import pytest
 from escalator_twin.diagnosis import diagnose
 from escalator_twin.diagnosis.found import Found, is_in_vain, is_left_over
 from escalator_twin.diagnosis.proposals import Proposal, same_place
-from escalator_twin.diagnosis.telling import evidence_lines
+from escalator_twin.diagnosis.telling import candidates, evidence_lines, LEFT_OVER
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.verdict import Weighed
 from escalator_twin.diagnosis.walk import refitted
@@ -208,3 +208,19 @@ def test_what_ends_a_search_would_not_be_named(named, explained):
 )
 def test_a_name_that_leaves_half_open_is_not_told(named, explained, expected):
     assert named(significant=True, explained=explained, effects=(FRICTION,)) == expected
+
+
+def test_what_the_verdict_refuses_is_not_told_as_sure_among_the_candidates():
+    frictions, stops, steps = (
+        Weighed(Proposal(cause, {}, {}, 900.0), 900.0, 40.0, p)
+        for cause, p in (
+            ('tensioner_friction', 0.99), ('tensioner_stop', 0.2), ('guide_step', 0.98),
+        )
+    )  # fmt: skip
+    refused = replace(FRICTION, rivals=(frictions, stops))
+    # weighed again in the round that accepted none, as an effect beside itself
+    walked = SimpleNamespace(found=(refused,), weighed=(frictions, steps))
+    rows = {row['cause']: row['probability'] for row in candidates(walked, [(refused, 0.1)], ())}
+    assert rows == pytest.approx(
+        {'tensioner_friction': 0.1, 'tensioner_stop': 0.2, 'guide_step': 0.98 * LEFT_OVER}
+    )

@@ -20,7 +20,7 @@ from escalator_twin.diagnosis.verdict import (
     size_in_tolerances,
     Weighed,
 )
-from escalator_twin.diagnosis.walk import Walked
+from escalator_twin.diagnosis.walk import ACCEPT, Walked
 
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
@@ -33,6 +33,9 @@ VALUE_ERRORS = {
 SURE = 0.9  # probability from which nothing more is asked for
 DOUBTFUL = 0.1  # from which a cause that is not named is worth another experiment
 MOST_CANDIDATES = 20
+LEFT_OVER = (
+    0.3  # of a probability, as `diagnose.REFUSED`: weighed as an effect, and held to be none
+)
 NORMAL_95 = 1.96
 HIDDEN = {'phase_rad', 'curvature', 'slip'}
 SHAPES = {('guide_step', 'length_m')}  # not among the numbers of contracts.md
@@ -167,30 +170,38 @@ def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
     return {'for': for_it, 'against': against}
 
 
+def _key(proposal: Proposal) -> tuple[str, str]:
+    return proposal.cause, str(_place(proposal))
+
+
 def candidates(
     walked: Walked, named: list[tuple[Found, float]], faults: tuple[Fault, ...]
 ) -> list[dict[str, Any]]:
-    """Return all that were weighed, best first, each cause and place once."""
-    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    """Return all that were weighed, best first, each cause and place once.
 
-    def add(weighed: Weighed, probability: float) -> None:
-        proposal = weighed.proposal
-        key = (proposal.cause, str(_place(proposal)))
+    What was found has the probability that the verdict gives it in the end, wherever else it was weighed.
+    What led the last round and was not accepted was taken for what an accepted law leaves.
+    """
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    settled = {_key(found.proposal): probability for found, probability in named}
+
+    def add(weighed: Weighed, share: float) -> None:
+        key = _key(weighed.proposal)
+        probability = settled.get(key, share * weighed.probability)
         if key not in rows or rows[key]['probability'] < probability:
             rows[key] = {
-                'cause': proposal.cause,
-                'location': _place(proposal),
+                'cause': weighed.proposal.cause,
+                'location': _place(weighed.proposal),
                 'probability': probability,
                 'evidence': evidence_lines(weighed, best),
             }
 
     best = max((found.gain for found, _ in named), default=0.0)
-    for found, probability in named:
+    for found, _ in named:
         for rival in found.rivals:
-            share = rival.probability
-            add(rival, probability if rival.proposal is found.proposal else share)
+            add(rival, 1.0)
     for rival in walked.weighed:
-        add(rival, rival.probability)
+        add(rival, LEFT_OVER if rival.probability >= ACCEPT else 1.0)
     for fault in faults:
         rows[fault.cause, str(fault.location)] = {
             'cause': fault.cause,
