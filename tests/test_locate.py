@@ -104,6 +104,34 @@ def test_an_inverted_axis_and_exchanged_links_are_named_and_put_back(sample, mac
     assert found['channels']['step/acceleration/x']['r_time'] > 0.999
 
 
+@pytest.mark.issue(6)
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_sideways_axis_is_turned_by_its_waves(sample, machine, sign):
+    # gravity says nothing of y: what it does to a turned sensor has either sign
+    recording, truth = sample
+    signals = dict(recording.signals)
+    y, x = signals['step/acceleration/y'], signals['step/acceleration/x']
+    values = sign * y.values - 0.05 * x.values[: len(y.values)]
+    signals[y.channel] = replace(y, values=values, parts=values[:, None])
+    found = compared(replace(recording, signals=signals), machine)
+    turned = [f['channel'] for f in found['quality'] if f['kind'] == 'axis_inverted']
+    assert turned == ([y.channel] if sign < 0.0 else [])
+    assert found['channels'][y.channel]['r_time'] > 0.8
+    assert abs(off_mm(found, truth, machine)) < 15.0
+
+
+@pytest.mark.issue(6)
+def test_an_axis_that_follows_nothing_is_left_alone(sample, machine):
+    recording, _ = sample
+    signals = dict(recording.signals)
+    y = signals['step/acceleration/y']
+    # another place's waves
+    values = -y.values[::-1]
+    signals[y.channel] = replace(y, values=values, parts=values[:, None])
+    found = compared(replace(recording, signals=signals), machine)
+    assert not [f for f in found['quality'] if f['kind'] == 'axis_inverted']
+
+
 def test_a_second_of_signals_is_too_short(sample, machine):
     recording, _ = sample
     signals = {}

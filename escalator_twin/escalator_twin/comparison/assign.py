@@ -8,9 +8,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from escalator_twin.machine import Machine, Sensor
+from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Finding, Floats
 from escalator_twin.sync.template import Templates
 from escalator_twin.sync.timeline import Timed
+from escalator_twin.sync.travel import BAND_HZ, Travel
 
 # An axis counts as inverted where its squared correlation is at least this, with the wrong sign:
 # gravity alone, seen through the inclines, explains more than nine tenths of a healthy axis.
@@ -19,6 +21,8 @@ INVERTED_R2 = 0.8
 # together by less than this: left and right of one link differ by less, two links by more.
 EXCHANGED = 0.05
 FLOOR = 1e-4  # of variance: agreement better than this is not weighed
+BLOCK_S = 1.0  # of a robust standard error: waves of the band do not reach over it
+SURE = 3.0  # standard errors by which an axis is nearer to its negative than to nothing
 
 
 def mend_by_model(
@@ -79,6 +83,83 @@ def mend_by_model(
         mended[other] = replace(a, channel=other)
         findings.append(_finding('channel_swap', one, a, f'exchanged with {other}'))
     return mended, findings
+
+
+def turn_by_waves(
+    tracks: Mapping[str, Timed], templates: Templates, travel: Travel, machine: Machine
+) -> tuple[dict[str, Timed], list[Finding]]:
+    """Turn axes of which gravity says nothing, once every sample's travel is known.
+
+    A sideways axis reads gravity only as far as its sensor is turned, by either sign. Beside what the
+    other axes put into it, it follows the twin's own waves there with a factor: 1 where it is right, -1
+    where it is inverted.
+
+    Parameters
+    ----------
+    tracks : mapping of channel to Timed
+    templates : Templates
+    travel : Travel
+        Of ``templates``, over reference time.
+    machine : Machine
+
+    Returns
+    -------
+    tracks : dict
+        With the channels mended.
+    findings : list of Finding
+        ``axis_inverted``, repaired.
+    """
+    mended, findings = dict(tracks), []
+    for step in {s.at.get('step') for s in _accelerometers(machine)}:
+        axes = [
+            s.channel
+            for s in _accelerometers(machine)
+            if s.at.get('step') == step and s.channel in templates.columns
+        ]
+        for channel in axes:
+            if channel not in tracks:
+                continue
+            factor, sd = _followed(tracks[channel], axes, templates, travel)
+            if factor + SURE * sd < -0.5:
+                track = mended[channel]
+                mended[channel] = replace(track, values=-track.values)
+                findings.append(
+                    _finding('axis_inverted', channel, track, 'reads with the wrong sign')
+                )
+    return mended, findings
+
+
+def _accelerometers(machine: Machine) -> list[Sensor]:
+    return [s for s in machine.instruments.sensors if s.quantity == 'step_acceleration']
+
+
+def _followed(
+    track: Timed, axes: list[str], templates: Templates, travel: Travel
+) -> tuple[float, float]:
+    """Return by which factor an axis follows its template beside the other axes', and its error.
+
+    The error is told by what is left in blocks: waves that last are no independent samples.
+    """
+    edge = round(track.rate_hz)
+    good = track.valid.copy()
+    good[:edge] = good[len(good) - edge :] = False
+    way = travel.at(track.time_s)[good]
+    smooth = {c: lowpass(templates.columns[c], BAND_HZ, templates.rate_hz) for c in axes}
+    others = [CubicSpline(templates.travel_m, smooth[c])(way) for c in axes if c != track.channel]
+    own = CubicSpline(templates.travel_m, smooth[track.channel])(way)
+    values = lowpass(track.values, BAND_HZ, track.rate_hz)[good]
+    known = np.stack([*others, np.ones_like(own)], axis=1)
+    blocks = round(len(own) / (BLOCK_S * track.rate_hz))
+    if blocks < 3:
+        return 0.0, np.inf
+    own, values = (v - known @ np.linalg.lstsq(known, v, rcond=None)[0] for v in (own, values))
+    power = float(own @ own)
+    if power == 0.0:
+        return 0.0, np.inf
+    factor = float(own @ values) / power
+    left = own * (values - factor * own)
+    sums = np.array([part.sum() for part in np.array_split(left, blocks)])
+    return factor, float(np.sqrt(np.sum(sums**2))) / power
 
 
 def _exchanged(

@@ -7,7 +7,7 @@ import numpy as np
 
 from escalator_twin.check.clock import ClockComparison
 from escalator_twin.check.quality import quality
-from escalator_twin.comparison.assign import mend_by_model
+from escalator_twin.comparison.assign import mend_by_model, turn_by_waves
 from escalator_twin.comparison.clocks import logger_clocks
 from escalator_twin.comparison.mend import mend
 from escalator_twin.errors import RecordingError, SynchronisationError
@@ -130,6 +130,9 @@ def locate(
     tracks, wrong = mend_by_model(tracks, low, templates, speed.value, place.start_m, machine)
     guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
     fit = fit_all(tracks, templates, guess, machine, comparisons)
+    tracks, turned = turn_by_waves(tracks, templates, fit.travel, machine)
+    if turned:
+        fit = fit_all(tracks, templates, guess, machine, comparisons)
     real = fit.travel.speed_m_s
     begin = float(fit.travel.at(np.array([first_s]))[0]) - real * LEAD_S
     length = course_of(machine).length_m
@@ -144,7 +147,7 @@ def locate(
         fit.ground,
         fit.travel.shifted(-begin),
         place.lead,
-        (*findings, *wrong),
+        (*findings, *wrong, *turned),
     )
 
 
