@@ -1,6 +1,6 @@
 """Causes that need a run of their own before they can be looked for: rail, drive and frame."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import atan2, pi
 
@@ -26,9 +26,16 @@ from escalator_twin.twin import make_simulation
 RAIL_STEP_M = 0.02
 RAIL_WORTH = 2.5  # chi squared by the step's own acceleration from which a place is simulated
 RAIL_TRIES = 2
+RAIL_APART_M = 0.3  # of two places
 RAIL_SHIFTS_M = (0.0, -0.03, 0.03)  # what the step's own acceleration leaves open
 RAIL_LEAST = 5.0  # chi squared there, below which no shift is tried
+RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
+# The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise.
+RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
+RAIL_NEAR_M = (0.0, -0.02, 0.02)
+RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
+RAIL_HEIGHTS_M = (TRIAL_M, -TRIAL_M, TRIAL_M / 3.0, -TRIAL_M / 3.0)
 CHUNK = 128
 SLOWEST_HZ, ALL_CHANNELS_HZ, FASTEST_HZ = 0.08, 1.0, 10.0
 FRAME_HZ = (2.5, 16.0)
@@ -58,14 +65,36 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
         found = score_each(search.fitted, search.whiten(columns))
         gains[start : start + CHUNK] = found.gain
         score[start : start + CHUNK] = found.size
-    tried: list[float] = []
+    starts: list[float] = []
     for k in np.argsort(-gains):
-        if len(tried) == RAIL_TRIES or gains[k] < RAIL_WORTH:
+        if len(starts) == RAIL_TRIES or gains[k] < RAIL_WORTH:
             break
-        if any(abs((places[k] - s + 0.5 * length) % length - 0.5 * length) < 0.3 for s in tried):
+        if any(_apart(places[k], s, length) < RAIL_APART_M for s in starts):
             continue
-        tried.append(float(places[k]))
-        yield from _rail_trial(search, float(places[k]), float(np.sign(score[k])))
+        starts.append(float(places[k]))
+    # a step's two axles pass a bump one after the other: one pitch further it looks half as well
+    pitch = observation.frame.pitch_m
+    for start in starts[:1]:
+        beside = [float((start + way) % length) for way in (-pitch, pitch)]
+        starts += [s for s in beside if all(_apart(s, k, length) > RAIL_APART_M / 2 for k in starts)]
+    trials = [_rail_trial(search, s, float(np.sign(score[round(s / RAIL_STEP_M) % len(places)]))) for s in starts]
+    trials.sort(key=lambda found: -_most(found).gain)
+    for found in trials:
+        if _most(found).gain >= max(RAIL_OPEN, RAIL_CLOSE * _most(trials[0]).gain):
+            found += _rail_shapes(search, found)
+    trials.sort(key=lambda found: -_most(found).gain)
+    for found in trials[:RAIL_TRIES]:
+        for side in (*SIDES, 'both'):
+            yield _most([p for p in found if p.location['side'] == side])
+
+
+def _apart(one: float, other: float, length: float) -> float:
+    """Return the distance of two places round the loop, m."""
+    return abs((one - other + 0.5 * length) % length - 0.5 * length)
+
+
+def _most(found: Sequence[Proposal]) -> Proposal:
+    return max(found, key=lambda p: p.gain)
 
 
 def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarray:
@@ -82,31 +111,49 @@ def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarr
     return limited
 
 
-def _rail_trial(search: Search, place: float, sign: float) -> Iterator[Proposal]:
-    """Run a bump at a place and beside it on the left; the right side is its mirror image."""
+def _rail_trial(search: Search, place: float, sign: float) -> list[Proposal]:
+    """Run bumps at a place and beside it on the left; the right side is their mirror image."""
     length = abs(search.view.responses.base.length_m)
-    count = 3 * round(length / 0.25)
     found: list[Proposal] = []
     for shift in RAIL_SHIFTS_M:
-        if found and max(p.gain for p in found) < RAIL_LEAST:
+        if found and _most(found).gain < RAIL_LEAST:
             break
-        at = float((place + shift) % length)
-        location: dict[str, object] = {'s_m': at, 'side': 'left'}
-        deviation = Deviation('guide_step', {'height_m': sign * TRIAL_M}, location)
-        left = (search.stage.run((deviation,)) - search.model) / (sign * TRIAL_M)
-        right = mirrored(search, left)
-        columns = np.stack([left, right, left + right], axis=2)
-        score = score_each(search.fitted, search.whiten(columns))
-        found += [
-            Proposal(
-                'guide_step', {'s_m': at, 'side': side},
-                {'height_m': float(score.size[k]), 'length_m': LENGTH_M}, float(score.gain[k]),
-                {'height_m': float(score.sd[k])}, count, ('height_m', '@s_m', 'length_m'),
-            )
-            for k, side in enumerate((*SIDES, 'both'))
-        ]  # fmt: skip
-    for side in (*SIDES, 'both'):
-        yield max((p for p in found if p.location['side'] == side), key=lambda p: p.gain)
+        found += _bumped(search, float((place + shift) % length), sign * TRIAL_M, LENGTH_M)
+    return found
+
+
+def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
+    """Run bumps of many shapes at a place where one explains something.
+
+    What a bump does is linear in its height only as long as the rollers stay on their track.
+    """
+    length = abs(search.view.responses.base.length_m)
+    middle = float(str(known[0].location['s_m']))
+    found: list[Proposal] = []
+    for shift in RAIL_NEAR_M:
+        for wide in RAIL_LENGTHS_M:
+            for height in RAIL_HEIGHTS_M:
+                found += _bumped(search, float((middle + shift) % length), height, wide)
+    return found
+
+
+def _bumped(search: Search, at: float, height: float, wide: float) -> list[Proposal]:
+    """Propose a bump of one shape at one place, on the left, on the right and on both sides."""
+    count = 3 * round(abs(search.view.responses.base.length_m) / 0.25)
+    location: dict[str, object] = {'s_m': at, 'side': 'left'}
+    deviation = Deviation('guide_step', {'height_m': height, 'length_m': wide}, location)
+    left = (search.stage.run((deviation,)) - search.model) / height
+    right = mirrored(search, left)
+    columns = np.stack([left, right, left + right], axis=2)
+    score = score_each(search.fitted, search.whiten(columns))
+    return [
+        Proposal(
+            'guide_step', {'s_m': at, 'side': side},
+            {'height_m': float(score.size[k]), 'length_m': wide}, float(score.gain[k]),
+            {'height_m': float(score.sd[k])}, count, ('height_m', '@s_m', 'length_m'),
+        )
+        for k, side in enumerate((*SIDES, 'both'))
+    ]  # fmt: skip
 
 
 def mirrored(search: Search, columns: Floats) -> Floats:
