@@ -239,6 +239,24 @@ def test_a_mean_that_counts_is_not_settled_away(monkeypatch):
     assert slow_of(stage, [])[zeros].tolist() == [False, True]
 
 
+def test_what_a_residual_is_outside_of_what_is_held_out_counts_for_nothing():
+    # the zero of a gauge, settled on later passages, may be another than on the first loop
+    rng = np.random.default_rng(3)
+    measured, base = recorded()
+    stage = stage_of(measured, base)
+    every = np.ones(len(CHANNELS), bool)
+    plain, better = (spread() * rng.normal(size=measured.shape) for _ in range(2))
+    blocks = [slice(N // 2 + 60 * k, N // 2 + 60 * (k + 1)) for k in range(8)]
+    off = better.copy()
+    off[: N // 2] += 20.0 * spread()
+    told = [
+        scored(stage, [(block, plain, b) for block in blocks], 'later', 1, every, every)
+        for b in (better, off)
+    ]
+    assert told[0].gain_low == pytest.approx(told[1].gain_low, abs=1e-6)
+    assert told[0].gain_high == pytest.approx(told[1].gain_high, abs=1e-6)
+
+
 def test_sizes_are_fitted_anew():
     # half of the effect is proposed: the size that the training blocks ask for is tried
     found = held(0.5 * passing(N, AXLE), effect())

@@ -163,9 +163,59 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
         return done
 
     monkeypatch.setattr(trial, 'polish_whole', polish_whole)
+    monkeypatch.setattr(trial, 'polish_kicked', lambda *_: pytest.fail('explains too little'))
     settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
     assert settled.proposal is (better if goes_on else first)
     assert settled.gain == (gain + 100.0 if goes_on else gain)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A machine beside a recording: what is left above a good one."""
+
+    left: float
+
+    @property
+    def stage(self):
+        return SimpleNamespace(judged=lambda fitted, _cause: fitted)
+
+    @property
+    def fitted(self):
+        return self.left
+
+
+@pytest.mark.parametrize(
+    ('levels', 'tried', 'is_polished'),
+    [
+        ([300.0, 90.0], 3, True),  # two turns lead on, a third nowhere
+        ([300.0, 0.0], 2, False),  # nothing is left: there is nothing to fit on
+        ([500.0, 400.0, 300.0, 200.0], 3, True),  # no more than three
+    ],
+)
+def test_beside_what_explains_most_tolerances_are_turned_far(
+    monkeypatch, levels, tried, is_polished
+):
+    monkeypatch.setattr(trial, 'is_open', lambda place, *_: place.left > 0.0)
+    monkeypatch.setattr(trial, 'excess_of', lambda place, *_: place.left)
+    first = Proposal('link_stiffness', {}, {'factor': 0.3}, 9e3)
+    fits = [
+        Polished(SimpleNamespace(floor=None), Level(x), (first,), ({},)) for x in (1e3, *levels)
+    ]
+    calls = []
+
+    def polish_kicked(polished, _known, _free, _jobs, worth):
+        assert worth == 50.0
+        calls.append(polished)
+        k = fits.index(polished) + 1
+        return fits[k] if k < len(fits) else None
+
+    whole = []
+    monkeypatch.setattr(trial, 'polish_kicked', polish_kicked)
+    monkeypatch.setattr(trial, 'polish_whole', lambda p, *_: (whole.append(p), p)[1])
+    settled = trial._settled(Level(1e4), (), Tried(first, 9e3, {}, fits[0]), 1)
+    assert len(calls) == tried
+    assert bool(whole) is is_polished
+    assert settled.gain == 1e4 - fits[min(tried, len(levels))].place.left
 
 
 @pytest.mark.parametrize(

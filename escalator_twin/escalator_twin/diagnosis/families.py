@@ -2,8 +2,9 @@
 
 from escalator_twin.diagnosis.search import Family
 from escalator_twin.diagnosis.search_gauges import gains
-from escalator_twin.diagnosis.search_more import drive_waves, frame_bounce, rail_steps
+from escalator_twin.diagnosis.search_more import drive_waves, frame_bounce
 from escalator_twin.diagnosis.search_places import drags, indexed, loads
+from escalator_twin.diagnosis.search_rails import rail_steps
 from escalator_twin.diagnosis.search_treads import eccentric, flats
 from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 

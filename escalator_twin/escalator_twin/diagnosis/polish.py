@@ -9,11 +9,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED
+from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED, quiet_chi2
 from escalator_twin.diagnosis.joint import Free, JointFit, judged, moved_all
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inverse
-from escalator_twin.diagnosis.tuning import ROUNDS
+from escalator_twin.diagnosis.tuning import far_turns, KICKS, most_explaining, ROUNDS
 from escalator_twin.diagnosis.verdict import size_in_tolerances
 from escalator_twin.machine import Deviation
 
@@ -21,6 +21,7 @@ STEPS = 8
 WHOLE_STEPS = 4  # each costs a run of every tolerance
 APPROACHES = 3  # beside an effect that takes a tolerance over: each leads as far as that reaches
 ANEW = 2  # times that the tolerances' effect is taken anew on the way
+KICKED_STEPS = 2  # after a tolerance was turned far
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 
 
@@ -221,6 +222,41 @@ def polish_whole(
         if gained < worth:
             break
     return Polished(fit_one.context, place, effects, spreads)
+
+
+def polish_kicked(
+    polished: Polished,
+    known: Sequence[Proposal] = (),
+    free: Free | None = None,
+    jobs: int = 1,
+    worth: float = SETTLED,
+) -> Polished | None:
+    """Fit on from where one tolerance is turned far; None where no such turn gains enough.
+
+    What a soft link does is moved along the guide by millimetres where contacts or chain are softer: slopes
+    lead nowhere, and tuning without the effects in the runs cannot know.
+
+    Parameters
+    ----------
+    polished : Polished
+        Where the fit begins.
+    known, free, jobs
+        As of `polish`.
+    worth : float
+        Chi squared: a turn that gains less is not followed.
+    """
+    place, effects = polished.place, polished.effects
+    held = polished.context.weak | {str(e.nuisance) for e in (*effects, *known)}
+    ways = far_turns(place.stage, KICKS[0], held)
+    if not ways:
+        return None
+    turned, level = most_explaining(place, ways, jobs)
+    if quiet_chi2(place) - level < worth:
+        return None
+    again = polish(
+        polished.context, effects, turned, known, free, jobs=jobs, steps=KICKED_STEPS, is_near=True
+    )
+    return again if judged(again.place, again.effects) < judged(place, effects) - worth else None
 
 
 def increments(

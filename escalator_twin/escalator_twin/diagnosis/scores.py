@@ -21,6 +21,7 @@ ACTS = 0.99
 # What a wrong law changes is for better or worse by chance: fewer blocks than six are all for the better
 # more often than the 2.5 % that the interval leaves below.
 LEAST_BLOCKS = 6
+ROUNDING = 1e-6  # of a squared residual: waves are whitened in single precision
 PARTS = (1, 2, 4, 8)  # of a block, where the effects act in fewer
 Seen = tuple[slice, Floats, Floats]  # of a block; what is left without and with effects
 
@@ -106,7 +107,9 @@ def scored(
     energy = np.zeros((len(seen), 2, len(observation.channels)))
     plainly = np.zeros_like(energy)  # as `chi2_before` and `chi2_after` have it
     whitened = {
-        id(rows): _whitened(stage, rows) for _, plain, better in seen for rows in (plain, better)
+        id(rows): _whitened(stage, _held(rows, seen))
+        for _, plain, better in seen
+        for rows in (plain, better)
     }
     smooth = {
         id(rows): np.stack([lowpass(rows[:, k], TREND_HZ, rate) for k in range(rows.shape[1])], 1)
@@ -162,8 +165,28 @@ def scored(
         split = f'{split}; the effects act in {len(acting)} of {cuts * len(seen)} {unit}'
     whole_low, _ = _interval(drawn.sum(axis=2))
     return HeldOut(
-        split, len(acting), channels, low_gain, high_gain, whole_low, low_gain > 0.0, tuple(worse)
+        split,
+        len(acting),
+        channels,
+        low_gain,
+        high_gain,
+        whole_low,
+        low_gain > ROUNDING,
+        tuple(worse),
     )
+
+
+def _held(rows: Floats, seen: Sequence[Seen]) -> Floats:
+    """Return a residual with 0 where it is not held out, (n, c).
+
+    There the instruments' slow nuisance is that of other samples; its mean over the recording has no
+    weight, and would be taken off what is held out.
+    """
+    held = np.zeros_like(rows)
+    for block, plain, better in seen:
+        if rows is plain or rows is better:
+            held[block] = rows[block]
+    return held
 
 
 def _acting(

@@ -1,6 +1,6 @@
-"""Causes that need a run of their own before they can be looked for: rail, drive and frame."""
+"""Waves of the drive, and the frame's bounce, which needs a run of its own."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from math import atan2, pi
 
@@ -9,13 +9,12 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from escalator_twin.causes.application import apply
-from escalator_twin.causes.guide_step import LENGTH_M
 from escalator_twin.comparison.locate import RATE_HZ
 from escalator_twin.diagnosis.knobs import turn_all
-from escalator_twin.diagnosis.loops import BAND_HZ, band_limited
+from escalator_twin.diagnosis.loops import BAND_HZ
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each, score_groups
-from escalator_twin.diagnosis.search import Search, SIDES, wrapped
+from escalator_twin.diagnosis.search import Search, wrapped
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 from escalator_twin.physics import run
@@ -23,155 +22,12 @@ from escalator_twin.physics.periodic import between
 from escalator_twin.signals import Floats
 from escalator_twin.twin import make_simulation
 
-RAIL_STEP_M = 0.02
-RAIL_WORTH = 2.5  # chi squared by the step's own acceleration from which a place is simulated
-RAIL_TRIES = 2
-RAIL_APART_M = 0.3  # of two places
-RAIL_SHIFTS_M = (0.0, -0.03, 0.03)  # what the step's own acceleration leaves open
-RAIL_LEAST = 5.0  # chi squared there, below which no shift is tried
-RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
-# The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise.
-RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
-RAIL_NEAR_M = (0.0, -0.02, 0.02)
-RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
-TRIAL_M = 1.5e-3
-RAIL_HEIGHTS_M = (TRIAL_M, -TRIAL_M, TRIAL_M / 3.0, -TRIAL_M / 3.0)
 CHUNK = 128
 SLOWEST_HZ, ALL_CHANNELS_HZ, FASTEST_HZ = 0.08, 1.0, 10.0
 FRAME_HZ = (2.5, 16.0)
 FRAME_RATIO = 1.012
 FRAME_DAMPING = (0.01, 0.02, 0.04)
 FRAME_MASS_KG = 1e6  # of a frame so heavy that it stands still
-
-
-def rail_steps(search: Search) -> Iterator[Proposal]:
-    """Propose steps of the rail: first by the step's own acceleration, then by a run."""
-    observation, view = search.view.observation, search.view
-    at = [
-        k
-        for k, channel in enumerate(observation.channels)
-        if search.machine.instruments.sensor(channel).at.get('axis') == 'z'
-    ]
-    if not at:
-        return
-    length = abs(view.responses.base.length_m)
-    places = np.arange(0.0, length, RAIL_STEP_M)
-    score, gains = np.zeros(len(places)), np.zeros(len(places))
-    for start in range(0, len(places), CHUNK):
-        some = places[start : start + CHUNK]
-        columns = np.zeros((*search.model.shape, len(some)), np.float32)
-        for axle in (0, 1):
-            columns[:, at[0]] += _bumps(search, axle, some, length)
-        found = score_each(search.fitted, search.whiten(columns))
-        gains[start : start + CHUNK] = found.gain
-        score[start : start + CHUNK] = found.size
-    starts: list[float] = []
-    for k in np.argsort(-gains):
-        if len(starts) == RAIL_TRIES or gains[k] < RAIL_WORTH:
-            break
-        if any(_apart(places[k], s, length) < RAIL_APART_M for s in starts):
-            continue
-        starts.append(float(places[k]))
-    # a step's two axles pass a bump one after the other: one pitch further it looks half as well
-    pitch = observation.frame.pitch_m
-    for start in starts[:1]:
-        beside = [float((start + way) % length) for way in (-pitch, pitch)]
-        starts += [s for s in beside if all(_apart(s, k, length) > RAIL_APART_M / 2 for k in starts)]
-    trials = [_rail_trial(search, s, float(np.sign(score[round(s / RAIL_STEP_M) % len(places)]))) for s in starts]
-    trials.sort(key=lambda found: -_most(found).gain)
-    for found in trials:
-        if _most(found).gain >= max(RAIL_OPEN, RAIL_CLOSE * _most(trials[0]).gain):
-            found += _rail_shapes(search, found)
-    trials.sort(key=lambda found: -_most(found).gain)
-    for found in trials[:RAIL_TRIES]:
-        for side in (*SIDES, 'both'):
-            yield _most([p for p in found if p.location['side'] == side])
-
-
-def _apart(one: float, other: float, length: float) -> float:
-    """Return the distance of two places round the loop, m."""
-    return abs((one - other + 0.5 * length) % length - 0.5 * length)
-
-
-def _most(found: Sequence[Proposal]) -> Proposal:
-    return max(found, key=lambda p: p.gain)
-
-
-def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarray:
-    """Return the acceleration of a step by bumps of 1 m under one roller, (n, k)."""
-    frame = search.view.observation.frame
-    way = search.view.place_of(axle)
-    away = (way[:, None] - places[None, :] + 0.5 * length) % length - 0.5 * length
-    inside = np.abs(away) < 0.5 * LENGTH_M
-    wave = 2.0 * pi / LENGTH_M
-    # h'' v^2, a quarter of it: one roller of four carries the middle of the step
-    bend = -0.5 * wave**2 * np.cos(wave * away) * np.where(inside, 1.0, 0.0)
-    raw = 0.25 * frame.speed_m_s**2 * bend
-    limited: np.ndarray = band_limited(raw, frame.rate_hz).astype(np.float32)
-    return limited
-
-
-def _rail_trial(search: Search, place: float, sign: float) -> list[Proposal]:
-    """Run bumps at a place and beside it on the left; the right side is their mirror image."""
-    length = abs(search.view.responses.base.length_m)
-    found: list[Proposal] = []
-    for shift in RAIL_SHIFTS_M:
-        if found and _most(found).gain < RAIL_LEAST:
-            break
-        found += _bumped(search, float((place + shift) % length), sign * TRIAL_M, LENGTH_M)
-    return found
-
-
-def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
-    """Run bumps of many shapes at a place where one explains something.
-
-    What a bump does is linear in its height only as long as the rollers stay on their track.
-    """
-    length = abs(search.view.responses.base.length_m)
-    middle = float(str(known[0].location['s_m']))
-    found: list[Proposal] = []
-    for shift in RAIL_NEAR_M:
-        for wide in RAIL_LENGTHS_M:
-            for height in RAIL_HEIGHTS_M:
-                found += _bumped(search, float((middle + shift) % length), height, wide)
-    return found
-
-
-def _bumped(search: Search, at: float, height: float, wide: float) -> list[Proposal]:
-    """Propose a bump of one shape at one place, on the left, on the right and on both sides."""
-    count = 3 * round(abs(search.view.responses.base.length_m) / 0.25)
-    location: dict[str, object] = {'s_m': at, 'side': 'left'}
-    deviation = Deviation('guide_step', {'height_m': height, 'length_m': wide}, location)
-    left = (search.stage.run((deviation,)) - search.model) / height
-    right = mirrored(search, left)
-    columns = np.stack([left, right, left + right], axis=2)
-    score = score_each(search.fitted, search.whiten(columns))
-    return [
-        Proposal(
-            'guide_step', {'s_m': at, 'side': side},
-            {'height_m': float(score.size[k]), 'length_m': wide}, float(score.gain[k]),
-            {'height_m': float(score.sd[k])}, count, ('height_m', '@s_m', 'length_m'),
-        )
-        for k, side in enumerate((*SIDES, 'both'))
-    ]  # fmt: skip
-
-
-def mirrored(search: Search, columns: Floats) -> Floats:
-    """Return a response on the channels of the other side, (n, c)."""
-    sensors = [
-        search.machine.instruments.sensor(channel) for channel in search.view.observation.channels
-    ]
-    other = np.array(columns)
-    for k, sensor in enumerate(sensors):
-        if sensor.at.get('axis') == 'y':
-            other[:, k] = -columns[:, k]
-        if 'side' not in sensor.at:
-            continue
-        twin = {**sensor.at, 'side': SIDES[1 - SIDES.index(str(sensor.at['side']))]}
-        for j, candidate in enumerate(sensors):
-            if candidate.quantity == sensor.quantity and candidate.at == twin:
-                other[:, k] = columns[:, j]
-    return other
 
 
 def drive_waves(search: Search) -> Iterator[Proposal]:

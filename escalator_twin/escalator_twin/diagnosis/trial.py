@@ -12,7 +12,7 @@ from escalator_twin.diagnosis.floor import Floor, SHAKING
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import polish_whole, Polished
+from escalator_twin.diagnosis.polish import polish_kicked, polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
@@ -35,6 +35,7 @@ LARGE = 300.0
 # Of what is left above a good machine's: a step with all tolerances run beside the effect that gains less
 # is the last.
 WORTH = 0.05
+KICKED = 3  # times that one tolerance is turned far beside the best effect of a single link
 # Whose ends or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
 # Whose sides look alike but for the axle's racking. A side that explains less, run once, than this share of
@@ -206,7 +207,22 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
         return tried
     _, fixed = of_machine_among(known)
     worth = WORTH * excess_of(polished.place, floor)
-    whole = polish_whole(polished, fixed, lambda p: freed(p, known), jobs, worth)
+
+    def free(beside: Beside) -> Beside:
+        return freed(beside, known)
+
+    whole = polished
+    # of what explains little, no turn of a tolerance makes more
+    most = MOST_LEFT * excess_of(place, floor)
+    for _ in range(KICKED if excess_of(polished.place, floor) < most else 0):
+        kicked = polish_kicked(whole, fixed, free, jobs, worth)
+        if kicked is None:
+            break
+        whole = kicked
+        if not is_open(whole.place, floor):
+            break
+    if is_open(whole.place, floor):
+        whole = polish_whole(whole, fixed, free, jobs, worth)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:

@@ -7,7 +7,7 @@ and chain make more hollows: a tolerance at a time is turned far, to see whether
 there.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -98,7 +98,9 @@ def _doubted(lean: Stage) -> Stage:
     if lean.added is None:
         return lean
     whiten = lean.whiten
-    share = len(whiten.weight) / len(whiten.mask)  # of a white sensor's variance that is in the band
+    share = len(whiten.weight) / len(
+        whiten.mask
+    )  # of a white sensor's variance that is in the band
     with np.errstate(divide='ignore'):
         variance = share * np.mean(np.where(whiten.weight > 0.0, whiten.weight, np.inf) ** -2.0, 0)
     off = KEPT_OFF * lean.added / np.sqrt(variance)
@@ -147,27 +149,48 @@ class _Search:
 
         One is turned at a time; all that act in short waves are turned back at once.
         """
-        now = start.stage.turned
-        free = [
-            knob.name
-            for knob in start.stage.knobs
-            if knob.name not in self.held and knob.name not in self.context.weak
-        ]
-        ways = [
-            {name: now.get(name, 0.0) + kick}
-            for name in free
-            for kick in (-by, by)
-            if abs(now.get(name, 0.0) + kick) <= LARGEST
-        ]
-        ways.append({name: 0.0 for name in free if not name.startswith(SLOW)})
+        held = {*self.held, *self.context.weak}
+        ways = far_turns(start.stage, by, held)
+        names = [knob.name for knob in start.stage.knobs if knob.name not in held]
+        ways.append({name: 0.0 for name in names if not name.startswith(SLOW)})
+        return most_explaining(start, ways, self.jobs)
 
-        def level(way: Mapping[str, float]) -> float:
-            return _level(start, replace(start.stage, turned={**now, **way}))
 
-        with ThreadPoolExecutor(max(1, self.jobs)) as pool:
-            levels = list(pool.map(level, ways))
-        best = int(np.argmin(levels))
-        return {**now, **ways[best]}, levels[best]
+def far_turns(stage: Stage, by: float, held: Collection[str]) -> list[dict[str, float]]:
+    """Return the turns of one tolerance each that lead far from where they are, within bounds."""
+    now = stage.turned
+    return [
+        {knob.name: now.get(knob.name, 0.0) + kick}
+        for knob in stage.knobs
+        if knob.name not in held
+        for kick in (-by, by)
+        if abs(now.get(knob.name, 0.0) + kick) <= LARGEST
+    ]
+
+
+def most_explaining(
+    start: Beside, ways: Sequence[Mapping[str, float]], jobs: int
+) -> tuple[dict[str, float], float]:
+    """Return all tolerances turned in the way that explains most, and chi squared there.
+
+    Parameters
+    ----------
+    start : Beside
+        The machine that is run with every way turned.
+    ways : sequence of mapping of tolerance to float
+        Standard deviations.
+    jobs : int
+        Simulations at a time.
+    """
+    now = start.stage.turned
+
+    def level(way: Mapping[str, float]) -> float:
+        return _level(start, replace(start.stage, turned={**now, **way}))
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        levels = list(pool.map(level, ways))
+    best = int(np.argmin(levels))
+    return {**now, **ways[best]}, levels[best]
 
 
 def tuned(
