@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.split import split
+from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
 from escalator_twin.diagnosis.unexplained import LEAST_EXPLAINED, look, Unexplained
@@ -125,6 +126,9 @@ def diagnose_recording(
     rest = left_open(context, walked, named, rest)
     if progress is not None:
         progress(STAGES, STAGES)
+    if bench is LINKED and any(p >= NAMED for _, p in named):
+        reached = with_reach(context, walked.after, [found for found, _ in named], jobs)
+        named = [(found, p) for found, (_, p) in zip(reached, named, strict=True)]
     effects = [told(found, p) for found, p in named if p >= NAMED]
     effects += [told_fault(fault) for fault in faults]
     kept = [found.proposal for found, p in named if p >= NAMED and of_machine(found.proposal)]

@@ -1,7 +1,7 @@
 """Accepted effects, and what their laws may leave."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal
@@ -46,6 +46,8 @@ class Found:
         Fall of chi squared.
     rivals : tuple of Weighed
         All that was weighed with it, best first.
+    reach : mapping of parameter to (float, float)
+        In the place of ``sd``, to lower and to higher values.
     """
 
     proposal: Proposal
@@ -53,6 +55,7 @@ class Found:
     sd: dict[str, float]
     gain: float
     rivals: tuple[Weighed, ...]
+    reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:

@@ -43,6 +43,21 @@ def freed(place: Beside, effects: Sequence[Proposal]) -> Beside:
     return replace(place, stage=stage, fitted=stage.fit(place.model))
 
 
+def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
+    """Return the stage without the tolerances that effects of the machine stand for.
+
+    Left in, such a tolerance would take an effect's place on both sides of the comparison: its prior
+    hardly resists. A machine within tolerance has it where the tuning left it, within its bounds.
+    """
+    own = {e.nuisance for e in effects if of_machine(e)}
+    keep = [k for k, name in enumerate(stage.nuisance.names) if name not in own]
+    if len(keep) == len(stage.nuisance.names):
+        return stage
+    names = tuple(stage.nuisance.names[k] for k in keep)
+    nuisance = replace(stage.nuisance, names=names, columns=stage.nuisance.columns[:, :, keep])
+    return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
+
+
 def creep(stage: Stage, effect: Proposal) -> np.ndarray:
     """Return the creep of a link's gauges over the recording by its strain, (n, c)."""
     whole = np.zeros(stage.observation.measured.shape, np.float32)

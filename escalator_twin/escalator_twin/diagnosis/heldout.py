@@ -8,7 +8,7 @@ import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import SHAKING
-from escalator_twin.diagnosis.free import creep, of_machine
+from escalator_twin.diagnosis.free import creep, of_machine, without_own
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.scores import HeldOut, scored, Seen
@@ -50,7 +50,7 @@ def hold_out(
     sizes_known : bool
         The sizes come from other recordings: nothing of the effects is fitted to this one.
     """
-    stage = _without_own(_with_columns(after.stage), effects)
+    stage = without_own(_with_columns(after.stage), effects)
     bare = replace(stage, machine=context.machine)
     base = bare.run()
     plain = base if turned is None else replace(bare, turned=dict(turned)).run()
@@ -77,21 +77,6 @@ def _with_columns(stage: Stage) -> Stage:
     nuisance = stage.nuisance
     names = nuisance.names[: nuisance.columns.shape[2]]
     return replace(stage, nuisance=replace(nuisance, names=names))
-
-
-def _without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
-    """Return the stage without the tolerances that effects of the machine stand for.
-
-    Left in, such a tolerance would take an effect's place on both sides of the comparison: its prior
-    hardly resists. A machine within tolerance has it where the tuning left it, within its bounds.
-    """
-    own = {e.nuisance for e in effects if of_machine(e)}
-    keep = [k for k, name in enumerate(stage.nuisance.names) if name not in own]
-    if len(keep) == len(stage.nuisance.names):
-        return stage
-    names = tuple(stage.nuisance.names[k] for k in keep)
-    nuisance = replace(stage.nuisance, names=names, columns=stage.nuisance.columns[:, :, keep])
-    return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
 
 
 def measured_change(stage: Stage, after: Beside, effect: Proposal) -> Floats:

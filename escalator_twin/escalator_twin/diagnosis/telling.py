@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from escalator_twin.causes.base import Parameter
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
@@ -86,11 +87,16 @@ def told(found: Found, probability: float) -> dict[str, Any]:
         if (proposal.cause, parameter.name) in SHAPES:
             continue
         value = float(proposal.parameters[parameter.name])
-        half = NORMAL_95 * _spread(found, parameter.name, value)
+        sd = found.sd.get(parameter.name, 0.0)
+        below, above = found.reach.get(parameter.name, (sd, sd))
         parameters[parameter.name] = {
             'value': value,
-            'low': max(value - half, parameter.low),
-            'high': min(value + half, parameter.high),
+            'low': max(
+                value - NORMAL_95 * _spread(proposal, parameter, value, below), parameter.low
+            ),
+            'high': min(
+                value + NORMAL_95 * _spread(proposal, parameter, value, above), parameter.high
+            ),
         }
     return {
         'cause': proposal.cause,
@@ -101,17 +107,18 @@ def told(found: Found, probability: float) -> dict[str, Any]:
     }
 
 
-def _spread(found: Found, name: str, value: float) -> float:
+def _spread(proposal: Proposal, parameter: Parameter, value: float, sd: float) -> float:
     """Return one standard deviation of a parameter: fit, tolerance of the own value, law."""
-    proposal = found.proposal
-    parameter = next(p for p in KNOWN[proposal.cause].parameters if p.name == name)
-    sd = found.sd.get(name, 0.0)
     neutral = parameter.neutral if parameter.neutral is not None else value
     size = value - neutral if np.isfinite(neutral) else 0.0
     tolerance = parameter.tolerance or 0.0
-    # a factor multiplies the machine's own value
-    tolerance *= value if parameter.name == 'factor' else 0.5
-    law = np.hypot(LAW_ERROR * size, VALUE_ERRORS.get((proposal.cause, name), 0.0) * value)
+    # A factor multiplies the machine's own value; to what stands for a tolerance the machine's own is added. Of what
+    # else a good machine may have, a good part of them has none.
+    own = 1.0 if proposal.nuisance else 0.5
+    tolerance *= value if parameter.name == 'factor' else own
+    law = np.hypot(
+        LAW_ERROR * size, VALUE_ERRORS.get((proposal.cause, parameter.name), 0.0) * value
+    )
     return float(np.sqrt(sd**2 + tolerance**2 + law**2))
 
 

@@ -1,0 +1,96 @@
+"""Intervals: how far a size may be off to either side."""
+
+from types import SimpleNamespace
+
+import pytest
+import trials
+
+from escalator_twin.diagnosis import spread
+from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.telling import NORMAL_95, told
+
+pytestmark = pytest.mark.issue(6)
+
+SD = 0.01
+
+
+def spring(nuisance='tensioner.stiffness_n_m', **more):
+    proposal = Proposal(
+        'tensioner_stiffness', {}, {'factor': 0.75}, 900.0, fitted=('factor',), nuisance=nuisance
+    )
+    return Found(proposal, 1.0, {'factor': SD}, 900.0, (), **more)
+
+
+class Stage:
+    """A stage whose chi squared is a given function of the spring's factor."""
+
+    machine_length = 24.4
+
+    def __init__(self, chi2, machine=None):
+        self.chi2, self.machine = chi2, machine
+
+    def fit(self, model):
+        return model
+
+    def fit_shifted(self, model, _before):
+        return model
+
+    def run(self):
+        (deviation,) = self.machine
+        return deviation.parameters['factor']
+
+    def judged(self, fitted, _cause):
+        return self.chi2(fitted)
+
+
+@pytest.mark.parametrize(
+    ('chi2', 'below', 'above'),
+    [
+        (lambda x: ((x - 0.75) / SD) ** 2, 1.0, 1.0),  # as slopes have it
+        (lambda x: ((x - 0.75) / (SD if x > 0.75 else 2.5 * SD)) ** 2, 2.5, 1.0),
+        (lambda x: 9.0 * ((x - 0.75) / SD) ** 2, 1.0, 1.0),  # never told narrower
+        (lambda x: 0.0 if x <= 0.75 else 100.0, 4.0, 1.0),  # flat as far as it is tried
+        (lambda x: -5.0 if x > 0.75 else 0.0, 4.0, 4.0),  # lower elsewhere
+    ],
+)
+def test_a_spread_is_wider_where_chi_squared_rises_less(monkeypatch, chi2, below, above):
+    monkeypatch.setattr(spread, 'without_own', lambda stage, _: stage)
+    monkeypatch.setattr(spread, 'apply', lambda _machine, deviations: deviations)
+    monkeypatch.setattr(spread, 'replace', replaced)
+    after = SimpleNamespace(stage=Stage(chi2), model=0.75)
+    (found,) = spread.with_reach(SimpleNamespace(machine=None), after, [spring()], 1)
+    assert found.reach['factor'] == pytest.approx((below * SD, above * SD))
+
+
+def replaced(thing, **changes):
+    """Return a copy with changes, of a stage or of what was found."""
+    if isinstance(thing, Stage):
+        return Stage(thing.chi2, changes['machine'])
+    return Found(**{**thing.__dict__, **changes})
+
+
+def test_of_a_single_links_effect_slopes_are_kept():
+    proposal = Proposal('link_stiffness', {'link': 3, 'side': 'left'}, {'factor': 0.3}, 9.0)
+    found = Found(proposal, 1.0, {'factor': SD}, 9.0, ())
+    assert spread.with_reach(None, None, [found], 1) == [found]
+
+
+def test_an_interval_holds_the_spread_to_either_side():
+    row = told(spring(reach={'factor': (0.03, SD)}), 0.9)['parameters']['factor']
+    plain = told(spring(), 0.9)['parameters']['factor']
+    assert row['high'] == plain['high']
+    assert row['low'] < plain['low'] - NORMAL_95 * 0.01
+
+
+@pytest.mark.parametrize(('nuisance', 'own'), [('guide.upper_landing_m', 1e-3), (None, 5e-4)])
+def test_what_is_added_to_the_machines_own_has_its_tolerance(nuisance, own):
+    # by contracts.md a landing has a tolerance of a millimetre
+    proposal = Proposal(
+        'landing_length', {'which': 'upper'}, {'delta_m': 6e-3}, 9.0, nuisance=nuisance
+    )
+    row = told(Found(proposal, 1.0, {'delta_m': 0.0}, 9.0, ()), 0.9)['parameters']['delta_m']
+    law = 0.02 * 6e-3
+    half = NORMAL_95 * (own**2 + law**2) ** 0.5
+    assert row['high'] - row['value'] == pytest.approx(half, rel=1e-6)
+    assert trials.prototype().guide.landing_tol_m == 1e-3
