@@ -1,7 +1,9 @@
 """Tuning a good machine: as near to its recording as with the tolerances that it was made with."""
 
+from dataclasses import dataclass
 import json
 
+import numpy as np
 import pytest
 from rig.hidden import plan, write_hidden
 import trials
@@ -10,7 +12,8 @@ from escalator_twin import bagfile
 from escalator_twin.diagnosis.context import beside, quiet_chi2
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.preparation import prepare_tolerances
-from escalator_twin.diagnosis.tuning import tuned
+from escalator_twin.diagnosis.tuning import _doubted, KEPT_OFF, tuned
+from escalator_twin.diagnosis.whitening import Whitener
 
 pytestmark = pytest.mark.issue(6)
 
@@ -62,3 +65,23 @@ def test_a_good_machine_is_tuned_as_near_as_its_own_tolerances(tmp_path, seed, i
     own = quiet_chi2(beside(context, steps=0, turned=sigmas(truth, machine)))
     assert quiet_chi2(start) > own + 5.0 * SPREAD, 'nothing to tune'
     assert quiet_chi2(place) < own + SPREAD
+
+
+@dataclass(frozen=True)
+class Lean:
+    """A stage, as far as it says what is added to its runs."""
+
+    whiten: Whitener
+    added: np.ndarray | None
+
+
+def test_what_is_kept_of_a_single_link_counts_as_known_to_a_share():
+    n, sd = 100, 0.5  # a white sensor's, all of its band compared
+    whiten = Whitener(np.ones((n, 1), np.float32), np.full((n, 1), 1.0 / sd, np.float32), 1.0)
+    assert _doubted(Lean(whiten, None)).whiten is whiten
+    added = np.zeros((n, 1))
+    added[40:50] = 20.0 * sd
+    mask = _doubted(Lean(whiten, added)).whiten.mask[:, 0]
+    assert np.all(mask[:40] == 1.0)
+    # noise and what is kept by mistake, together
+    assert mask[40:50] == pytest.approx(1.0 / np.hypot(1.0, 20.0 * KEPT_OFF), rel=1e-5)
