@@ -49,7 +49,7 @@ def test_one_tolerance_is_turned_at_a_time_within_its_bounds():
 def test_a_turn_that_gains_enough_is_followed(monkeypatch, level, fitted, is_followed):
     seen = []
 
-    def most_explaining(start, ways, jobs):
+    def most_explaining(_start, ways, _jobs):
         seen.extend(name for way in ways for name in way)
         return {'roller.contact': -1.0}, level
 
