@@ -1,7 +1,7 @@
 """What is fitted from the machine as described: what promises most, and what a tolerance stands in for."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from types import SimpleNamespace
 
@@ -9,6 +9,7 @@ import pytest
 
 from escalator_twin.diagnosis import fitting, polish, trial
 from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -20,6 +21,7 @@ pytestmark = pytest.mark.issue(7)
 ROLLING = Proposal('rolling_resistance', {}, {'factor': 0.74}, 500.0)
 LANDING = Proposal('landing_length', {'which': 'upper'}, {'delta_m': -3.6e-3}, 18.0)
 EDGE = Proposal('landing_length', {'which': 'upper'}, {'delta_m': 2.4e-3}, 0.0)
+FRAME = Proposal('truss_resonance', {}, {'frequency_hz': 8.0}, 4e4)
 FRICTION = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
 
 
@@ -218,6 +220,12 @@ def test_beside_what_explains_most_tolerances_are_turned_far(
     assert settled.gain == 1e4 - fits[min(tried, len(levels))].place.left
 
 
+def leveled(chi2, shaken=0.0):
+    """Return a machine beside a recording, and what is left there; a cause that shakes is judged by more."""
+    stage = SimpleNamespace(judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING))
+    return SimpleNamespace(stage=stage, model=None, fitted=chi2)
+
+
 @pytest.mark.parametrize(
     ('known', 'is_fitted'),
     [
@@ -234,13 +242,74 @@ def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
         proposal=given[3], gain=given[3].gain
     ))  # fmt: skip
     monkeypatch.setattr(trial, '_fitted_afar', lambda *given: given[4])
-    stage = SimpleNamespace(judged=lambda _: 2.6e3)
-    afar = Afar(None, SimpleNamespace(stage=stage, model=None, fitted=None), [ROLLING])
+    afar = Afar(None, leveled(2.6e3), [ROLLING])
+    others = [leveled(1.4e3), leveled(1e3)]
     with ThreadPoolExecutor(1) as pool:
-        found = trial._tried_afar(None, afar, None, known, pool, 1, level=1e3)
-        in_vain = trial._tried_afar(None, afar, None, known, pool, 1, 1e3, lambda *_: False)
+        found = trial._tried_afar(None, afar, None, known, pool, 1, others)
+        in_vain = trial._tried_afar(None, afar, None, known, pool, 1, others, lambda *_: False)
     assert bool(found) is is_fitted
     assert not in_vain
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(('gain', 'is_fitted'), [(4.0e4, True), (2.0e4, False)])
+def test_a_frame_is_as_far_above_as_its_own_channels_say(monkeypatch, gain, is_fitted):
+    """What of a step's x and z a frame explains is beside what it leaves there, not beside nothing."""
+    frame = replace(FRAME, gain=gain)
+    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setattr(trial, '_fitted_afar', lambda *given: given[4])
+    afar = Afar(None, leveled(1e4, 4e4), [frame])
+    other = leveled(2e3, 1e4)
+    with ThreadPoolExecutor(1) as pool:
+        found = trial._tried_afar(None, afar, None, [], pool, 1, [other])
+    assert bool(found) is is_fitted
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize('from_afar', [True, False])
+def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypatch, from_afar):
+    scanned = []
+
+    def scan(_stage, model, _fitted, proposal, _jobs):
+        scanned.append(model)
+        return replace(proposal, parameters={'frequency_hz': 6.8})
+
+    bare = SimpleNamespace(
+        observation=SimpleNamespace(frame=SimpleNamespace(pitch_m=0.4, speed_m_s=0.5))
+    )
+    tuned, nominal = (
+        SimpleNamespace(
+            stage=SimpleNamespace(judged=lambda *_: 9e4, lean=lambda _: bare),
+            model=name,
+            fitted=None,
+        )
+        for name in ('tuned', 'nominal')
+    )
+    fits = []
+
+    def fitted_beside(_context, _place, _known, refined, turned, *_):
+        fits.append((refined.proposal, turned))
+        return Tried(refined.proposal, refined.gain, {}, Polished(context, tuned, (), ()))
+
+    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setitem(trial.SCANS, 'truss_resonance', scan)
+    monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
+    monkeypatch.setattr(trial, 'is_riddle', lambda *_: False)
+    monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
+    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
+    monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
+    context = Held(None, Held({}))
+    afar = Afar(context, nominal, []) if from_afar else None
+    found = trial.try_all(context, tuned, [], [FRAME], 1, afar)
+    assert scanned == ['nominal' if from_afar else 'tuned']
+    ((proposal, turned),) = fits
+    assert proposal.parameters['frequency_hz'] == 6.8
+    assert turned == ({} if from_afar else None)  # no tolerance turned, or as they were tuned
+    assert [t.proposal for t in found] == [proposal]
 
 
 @pytest.mark.parametrize(

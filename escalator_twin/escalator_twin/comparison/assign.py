@@ -96,11 +96,10 @@ def turn_by_waves(
 
     Parameters
     ----------
-    tracks : mapping of channel to Timed
-    templates : Templates
+    tracks, templates, machine
+        As of `mend_by_model`.
     travel : Travel
         Of ``templates``, over reference time.
-    machine : Machine
 
     Returns
     -------

@@ -238,10 +238,8 @@ def polish_kicked(
 
     Parameters
     ----------
-    polished : Polished
-        Where the fit begins.
-    known, free, jobs
-        As of `polish`.
+    polished, known, free, jobs
+        As of `polish_whole`.
     worth : float
         Chi squared: a turn that gains less is not followed.
     """

@@ -7,7 +7,13 @@ from dataclasses import replace
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
-from escalator_twin.diagnosis.fitting import approached, fitted_beside, of_machine_among, plain
+from escalator_twin.diagnosis.fitting import (
+    approached,
+    fitted_beside,
+    MOVES_RESONANCE,
+    of_machine_among,
+    plain,
+)
 from escalator_twin.diagnosis.floor import Floor, SHAKING
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import freed, of_machine
@@ -83,6 +89,10 @@ def try_all(
     base, fitted = place.model, place.fitted
     stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
+    if afar is not None:
+        # beside tolerances that were tuned to them they look like others
+        moving = [p for p in single if p.cause in SCANS and p.cause in MOVES_RESONANCE][:1]
+        single = [p for p in single if p.cause not in SCANS or p.cause not in MOVES_RESONANCE]
     waves_of = pairs(contenders, stage.observation.frame)
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         for cause, scan in SCANS.items():
@@ -108,9 +118,10 @@ def try_all(
 
         fitted_again += _other_sides(place, known, refined, fitted_again, jobs, gain_of)
         if afar is not None and not is_closed(fitted_again, context.floor):
-            best = max((t.gain for t in fitted_again), default=0.0)
-            level = place.stage.judged(place.fitted) - best
-            fitted_again += _tried_afar(context, afar, place, known, pool, jobs, level, worth)
+            proposals = [*afar.proposals, *(_scanned(afar.place, p, jobs) for p in moving)]
+            sought = replace(afar, proposals=proposals)
+            places = [place, *(t.polished.place for t in fitted_again if t.polished is not None)]
+            fitted_again += _tried_afar(context, sought, place, known, pool, jobs, places, worth)
             if known or is_riddle(place, fitted_again, context.floor):
                 fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
@@ -289,6 +300,11 @@ def is_beside(one: Proposal, other: Proposal) -> bool:
     return same_place(replace(one, location=place), other)
 
 
+def _scanned(place: Beside, proposal: Proposal, jobs: int) -> Proposal:
+    stage = place.stage.lean(place.model)
+    return SCANS[proposal.cause](stage, place.model, place.fitted, proposal, jobs)
+
+
 def _tried_afar(
     context: Context,
     afar: Afar,
@@ -296,16 +312,21 @@ def _tried_afar(
     known: Sequence[Proposal],
     pool: ThreadPoolExecutor,
     jobs: int,
-    level: float,
+    places: Sequence[Beside],
     worth: Worth | None = None,
 ) -> list[Tried]:
     """Fit what was sought from the machine as described, beginning there.
 
-    ``level`` is the chi squared that others come down to: what is far above it is left. ``worth`` is that
-    of `try_all`.
+    ``places`` are what others come down to: what is far above the best of them is left. ``worth`` is that of
+    `try_all`.
     """
     base = afar.place
-    above = base.stage.judged(base.fitted)
+
+    def is_far(one: Refined) -> bool:
+        cause = one.proposal.cause
+        level = min(p.stage.judged(p.fitted, cause) for p in places)
+        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * level
+
     first = pool.map(
         lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
     )
@@ -314,7 +335,7 @@ def _tried_afar(
     leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
-        leading = [r for r in leading if above - r.gain < FAR_ABOVE * level]
+        leading = [r for r in leading if not is_far(r)]
     return _fitted_afar(context, afar, place, known, leading, pool, jobs)
 
 

@@ -98,9 +98,8 @@ def _doubted(lean: Stage) -> Stage:
     if lean.added is None:
         return lean
     whiten = lean.whiten
-    share = len(whiten.weight) / len(
-        whiten.mask
-    )  # of a white sensor's variance that is in the band
+    # Of a white sensor's variance, what is in the band.
+    share = len(whiten.weight) / len(whiten.mask)
     with np.errstate(divide='ignore'):
         variance = share * np.mean(np.where(whiten.weight > 0.0, whiten.weight, np.inf) ** -2.0, 0)
     off = KEPT_OFF * lean.added / np.sqrt(variance)
