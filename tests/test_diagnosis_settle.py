@@ -224,3 +224,4 @@ def test_what_the_verdict_refuses_is_not_told_as_sure_among_the_candidates():
     assert rows == pytest.approx(
         {'tensioner_friction': 0.1, 'tensioner_stop': 0.2, 'guide_step': 0.98 * LEFT_OVER}
     )
+    assert rows['guide_step'] < 0.5  # nobody is to take it for a name

@@ -71,7 +71,9 @@ def replaced(thing, **changes):
 
 
 def test_of_a_single_links_effect_slopes_are_kept():
-    proposal = Proposal('link_stiffness', {'link': 3, 'side': 'left'}, {'factor': 0.3}, 9.0)
+    proposal = Proposal(
+        'link_stiffness', {'link': 3, 'side': 'left'}, {'factor': 0.3}, 9.0, fitted=('factor',)
+    )
     found = Found(proposal, 1.0, {'factor': SD}, 9.0, ())
     assert spread.with_reach(None, None, [found], 1) == [found]
 

@@ -1,14 +1,17 @@
 """Treads and rails: what a search promises, the twin run with it keeps."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from rig.hidden import plan, write_hidden
 import trials
 
 from escalator_twin import bagfile
+from escalator_twin.diagnosis import search_rails
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.preparation import prepare
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_rails import rail_steps
 from escalator_twin.diagnosis.search_treads import eccentric, flats
@@ -65,3 +68,22 @@ def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
     assert best.location['s_m'] == pytest.approx(effect['location']['s_m'], abs=0.02)
     assert best.location['side'] == effect['location']['side']
     assert best.parameters['height_m'] == pytest.approx(effect['parameters']['height_m'], rel=0.1)
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(
+    ('at', 'height', 'wide'),
+    [(6.0, 1.5e-3, 0.065), (6.0, -1.5e-3, 0.055), (6.02, 5e-4, 0.045), (5.98, -5e-4, 0.075)],
+)
+def test_bumps_of_either_sign_and_any_length_are_run(monkeypatch, at, height, wide):
+    def bumped(_search, place, high, length):
+        """Return what is the less like the bump, the farther off its shape is."""
+        off = abs(place - at) / 0.02 + abs(high - height) / 1e-3 + abs(length - wide) / 0.01
+        return [Proposal('guide_step', {'s_m': place}, {'height_m': high}, 900.0 / (1.0 + off))]
+
+    monkeypatch.setattr(search_rails, '_bumped', bumped)
+    base = SimpleNamespace(length_m=24.0)
+    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)))
+    known = [Proposal('guide_step', {'s_m': 6.0}, {'height_m': 1e-3}, 60.0)]
+    found = search_rails._rail_shapes(search, known)
+    assert max(p.gain for p in found) == pytest.approx(900.0)
