@@ -189,7 +189,9 @@ class Level:
 @pytest.mark.parametrize(
     ('levels', 'tried', 'is_polished'),
     [
-        ([300.0, 90.0], 3, True),  # two turns lead on, a third nowhere
+        ([300.0, 120.0], 3, True),  # two turns lead on, a third nowhere
+        ([300.0, 90.0], 2, True),  # less than a hundredth is left: no turn is worth its runs
+        ([300.0, 40.0], 2, False),  # less than half of that: nothing is
         ([300.0, 0.0], 2, False),  # nothing is left: there is nothing to fit on
         ([500.0, 400.0, 300.0, 200.0], 3, True),  # no more than three
     ],

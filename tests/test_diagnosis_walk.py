@@ -39,13 +39,14 @@ def walked(monkeypatch):
         attempt=as_proposed,
         again=as_they_are,
         is_open=True,
+        excess=2e4,
         is_stretched=False,
         explained=1.0,
     ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(module, 'is_open', lambda *_: is_open)
         monkeypatch.setattr(module, 'is_stretched', lambda _: is_stretched)
-        monkeypatch.setattr(module, 'excess_of', lambda *_: 0.0)
+        monkeypatch.setattr(module, 'excess_of', lambda *_: excess)
         monkeypatch.setattr(module, 'explained_by', lambda *_: explained)
         monkeypatch.setattr(module, 'may_hide', lambda *_: False)
         bench = Bench(
@@ -85,7 +86,8 @@ def test_an_effect_that_is_dropped_beside_a_later_one_costs_no_round(walked):
         ]
         return as_they_are(context, place, kept, jobs)
 
-    assert walked(lambda *_: [next(rounds)], again=again) == [friction, landing, gauge]
+    found = walked(lambda *_: [next(rounds)], again=again, excess=7e3)
+    assert found == [friction, landing, gauge]
 
 
 def test_one_gauge_creeps_once(walked):
@@ -118,6 +120,26 @@ def test_what_cannot_be_more_than_an_accepted_law_leaves_is_not_run(walked):
     found = walked(lambda *_: next(rounds), attempt)
     assert found == [flat, gauge]
     assert runs == [['roller_flat'], []]
+
+
+@pytest.mark.parametrize(
+    ('excess', 'is_stretched', 'is_run'),
+    [(400.0, False, True), (200.0, False, False), (200.0, True, True)],
+)
+def test_what_is_above_a_good_machines_is_the_most_to_explain(
+    walked, excess, is_stretched, is_run
+):
+    flat = Proposal('roller_flat', {'axle': 37, 'side': 'left'}, {'depth_m': 6e-4}, 6.7e4)
+    drag = Proposal('roller_drag', {'axle': 3, 'side': 'left'}, {'force_N': 30.0}, 1.9e3)
+    rounds = iter([[flat], [drag], []])
+    runs = []
+
+    def attempt(_context, _place, _known, chosen, *_):
+        runs.append([p.cause for p in chosen])
+        return [Tried(p, p.gain, dict(p.sd)) for p in chosen]
+
+    walked(lambda *_: next(rounds), attempt, excess=excess, is_stretched=is_stretched)
+    assert (['roller_drag'] in runs) is is_run
 
 
 @pytest.mark.parametrize(('explained', 'rounds'), [(0.9, 3), (0.04, 2), (0.02, 1)])

@@ -3,11 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
+from escalator_twin.diagnosis.floor import Floor, SHAKING
 from escalator_twin.diagnosis.found import Found, is_in_vain, is_left_over, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
@@ -40,6 +42,8 @@ WORTH = 0.35  # of the best proposal's gain, from which a proposal is simulated
 LEAST_GAIN = 25.0  # of chi squared: below it nothing is simulated
 ACCEPT = 0.5  # probability from which an effect is accepted and taken out before the next round
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
+# Times what is above a good machine's: what a further effect explains at most, noise that it fits with it.
+BEYOND = 2.0
 FITTED = 2.0  # times the gain of one run: what fitting it with the tolerances may make of it
 
 Say = Callable[[str], None]
@@ -130,27 +134,31 @@ def walk(
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     for _ in range(MOST_ROUNDS):
-        is_left = is_open(place, context.floor) or is_stretched(place)
+        stretched = is_stretched(place)
+        is_left = is_open(place, context.floor) or stretched
         if len(found) == MOST_EFFECTS or (found and not is_left):
             break
         known = [*start, *(f.proposal for f in found)]
         excess = excess_of(place, context.floor)
+        # what an instrument's nuisance hides is not in what is above a good machine's
+        most = _Most(inf, inf) if stretched else _Most.of(place, context.floor)
+        may_stand = partial(_may_stand, found=found, excess=excess, most=most)
         proposals = [
             p for p in bench.propose(context, place, jobs) if not _is_known_fault(p, known)
         ]
-        afar = look_afar(context, jobs, known) if may_hide(place, context.floor, known) else None
+        afar = None
+        if may_hide(place, context.floor, known) and not is_left_over(
+            '', most.quiet, found, excess
+        ):
+            afar = look_afar(context, jobs, known)
         if afar is not None:
             edges = at_the_edge(afar.proposals, place)[:MOST_EDGES]
             afar = replace(afar, proposals=choose(afar.proposals), edges=edges)
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
-        if not any(_may_stand(p, found, excess) for p in sought_all):
+        if not any(may_stand(p) for p in sought_all):
             weighed = weigh(_candidates(proposals, []))
             break
-        chosen = [
-            p
-            for p in choose(proposals)
-            if _may_stand(p, found, excess) and not _is_hopeless(p, proposals)
-        ]
+        chosen = [p for p in choose(proposals) if may_stand(p) and not _is_hopeless(p, proposals)]
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
@@ -260,9 +268,25 @@ def _is_rest(top: Weighed, found: Sequence[Found], excess: float) -> bool:
     return is_left_over(top.proposal.cause, top.gain, found, excess)
 
 
-def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float) -> bool:
+@dataclass(frozen=True)
+class _Most:
+    """What a further effect explains at most, in quiet channels and in those that rattling shakes."""
+
+    quiet: float
+    shaken: float
+
+    @classmethod
+    def of(cls, place: Beside, floor: Floor) -> '_Most':
+        return cls(*(BEYOND * excess_of(place, floor, shaken) for shaken in (False, True)))
+
+    def by(self, cause: str) -> float:
+        return self.quiet + (self.shaken if cause in SHAKING else 0.0)
+
+
+def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float, most: _Most) -> bool:
     """Tell whether a proposal may, fitted, be more than what the accepted laws leave."""
-    return not is_left_over(proposal.cause, HOPE * proposal.gain, found, excess)
+    gain = min(HOPE * proposal.gain, most.by(proposal.cause))
+    return not is_left_over(proposal.cause, gain, found, excess)
 
 
 def _is_worth_fitting(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
