@@ -122,6 +122,13 @@ def test_what_cannot_be_more_than_an_accepted_law_leaves_is_not_run(walked):
     assert runs == [['roller_flat'], []]
 
 
+def test_what_rattling_shakes_is_not_the_most_that_an_instruments_fault_explains(walked):
+    flat = Proposal('roller_flat', {'axle': 37, 'side': 'left'}, {'depth_m': 6e-4}, 6.7e4)
+    turned = Proposal('accelerometer_misalignment', {}, {'x_deg': 3.0}, 1.9e3)
+    rounds = iter([[flat], [turned], []])
+    assert walked(lambda *_: next(rounds), excess=200.0) == [flat, turned]
+
+
 @pytest.mark.parametrize(
     ('excess', 'is_stretched', 'is_run'),
     [(400.0, False, True), (200.0, False, False), (200.0, True, True)],

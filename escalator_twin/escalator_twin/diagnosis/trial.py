@@ -218,33 +218,29 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     if polished is None or cause not in LOCAL or tried.gain < LARGE:
         return tried
     floor = polished.context.floor
-    before = excess_of(place, floor)
-    if (
-        not is_open(polished.place, floor)
-        or excess_of(polished.place, floor) < WHOLE_LEFT * before
-    ):
+    above = excess_of(place, floor)
+    left = excess_of(polished.place, floor)
+    if not is_open(polished.place, floor) or left < WHOLE_LEFT * above:
         return tried
     _, fixed = of_machine_among(known)
-    worth = WORTH * excess_of(polished.place, floor)
+    worth = WORTH * left
 
     def free(beside: Beside) -> Beside:
         return freed(beside, known)
 
     whole = polished
     # of what explains little, no turn of a tolerance makes more
-    most = MOST_LEFT * before
-    for _ in range(KICKED if excess_of(polished.place, floor) < most else 0):
-        if not is_open(whole.place, floor) or excess_of(whole.place, floor) < KICK_LEFT * before:
+    for _ in range(KICKED if left < MOST_LEFT * above else 0):
+        if not is_open(whole.place, floor) or excess_of(whole.place, floor) < KICK_LEFT * above:
             break
         kicked = polish_kicked(whole, fixed, free, jobs, worth)
         if kicked is None:
             break
         whole = kicked
-    if is_open(whole.place, floor) and excess_of(whole.place, floor) >= WHOLE_LEFT * before:
+    if is_open(whole.place, floor) and excess_of(whole.place, floor) >= WHOLE_LEFT * above:
         whole = polish_whole(whole, fixed, free, jobs, worth)
-    gain = place.stage.judged(place.fitted, cause) - whole.place.stage.judged(
-        whole.place.fitted, cause
-    )
+    before = place.stage.judged(place.fitted, cause)
+    gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:
         return tried
     return Tried(whole.effects[-1], gain, whole.sd[-1], whole)

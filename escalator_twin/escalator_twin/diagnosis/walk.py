@@ -270,7 +270,7 @@ def _is_rest(top: Weighed, found: Sequence[Found], excess: float) -> bool:
 
 @dataclass(frozen=True)
 class _Most:
-    """What a further effect explains at most, in quiet channels and in those that rattling shakes."""
+    """What a further effect of the machine explains at most: in quiet channels, and where rattling shakes."""
 
     quiet: float
     shaken: float
@@ -285,7 +285,9 @@ class _Most:
 
 def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float, most: _Most) -> bool:
     """Tell whether a proposal may, fitted, be more than what the accepted laws leave."""
-    gain = min(HOPE * proposal.gain, most.by(proposal.cause))
+    gain = HOPE * proposal.gain
+    if of_machine(proposal):
+        gain = min(gain, most.by(proposal.cause))
     return not is_left_over(proposal.cause, gain, found, excess)
 
 
