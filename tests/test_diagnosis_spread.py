@@ -96,3 +96,20 @@ def test_what_is_added_to_the_machines_own_has_its_tolerance(nuisance, own):
     half = NORMAL_95 * (own**2 + law**2) ** 0.5
     assert row['high'] - row['value'] == pytest.approx(half, rel=1e-6)
     assert trials.prototype().guide.landing_tol_m == 1e-3
+
+
+@pytest.mark.parametrize(
+    ('cause', 'key', 'value', 'off'),
+    [
+        # seed 151101, number 29: fitted, and hidden
+        ('drive_ripple', 'cycles_per_pitch', 0.6046698, 0.6044797),
+        ('drive_ripple', 'cycles_per_pitch', 0.2211468, 0.2212307),
+    ],
+)
+def test_a_waves_length_is_known_no_better_than_the_pitch_of_a_loaded_chain(
+    cause, key, value, off
+):
+    proposal = Proposal(cause, {}, {'relative_amplitude': 0.02, key: value}, 9.0)
+    row = told(Found(proposal, 1.0, {key: 3.6e-5 * value}, 9.0, ()), 0.9)['parameters'][key]
+    assert row['low'] < off < row['high']
+    assert row['high'] - row['low'] < 2e-3 * value

@@ -10,6 +10,7 @@ from escalator_twin.check.quality import quality
 from escalator_twin.comparison.assign import mend_by_model, turn_by_waves
 from escalator_twin.comparison.clocks import logger_clocks
 from escalator_twin.comparison.mend import mend
+from escalator_twin.comparison.outliers import bridge_left
 from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
@@ -131,7 +132,10 @@ def locate(
     guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
     fit = fit_all(tracks, templates, guess, machine, comparisons)
     tracks, turned = turn_by_waves(tracks, templates, fit.travel, machine)
-    if turned:
+    bridged, findings = bridge_left(tracks, templates, fit.travel, findings)
+    is_bridged = any(bridged[c] is not track for c, track in tracks.items())
+    tracks = bridged
+    if turned or is_bridged:
         fit = fit_all(tracks, templates, guess, machine, comparisons)
     real = fit.travel.speed_m_s
     begin = float(fit.travel.at(np.array([first_s]))[0]) - real * LEAD_S
