@@ -3,9 +3,11 @@
 from dataclasses import replace
 import json
 
+import numpy as np
 import pytest
 
 from escalator_twin import bagfile, pipeline
+from escalator_twin.check.quality import quality
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.errors import SynchronisationError
 from escalator_twin.machine import load_machine
@@ -131,6 +133,27 @@ def test_an_axis_that_follows_nothing_surely_is_left_alone(sample, machine, own)
     signals[y.channel] = replace(y, values=values, parts=values[:, None])
     found = compared(replace(recording, signals=signals), machine)
     assert not [f for f in found['quality'] if f['kind'] == 'axis_inverted']
+
+
+@pytest.mark.issue(6)
+def test_outliers_that_the_force_hides_are_counted_beside_the_twin(sample, machine):
+    recording, truth = sample
+    signals = dict(recording.signals)
+    force = signals['link_force/left_a']
+    n = len(force.values)
+    noise = float(np.std(np.diff(force.values, 2))) / np.sqrt(6.0)
+    at = np.sort(np.random.default_rng(7).choice(n - 400, 24, replace=False)) + 200
+    parts = np.array(force.parts)
+    parts[at] += np.tile([60.0, -14.0], 12)[:, None] * noise
+    signals[force.channel] = replace(force, values=parts.mean(axis=1), parts=parts)
+    recording = replace(recording, signals=signals)
+    alone = [f.detail for f in quality(recording, machine) if f.kind == 'sensor_spikes']
+    found = compared(recording, machine)
+    beside = [f['detail'] for f in found['quality'] if f['kind'] == 'sensor_spikes']
+    by_itself, counted = (int(detail.split()[0]) for (detail,) in (alone, beside))
+    assert by_itself < 21  # what is small hides in the range of the force
+    assert 22 <= counted <= 25
+    assert abs(off_mm(found, truth, machine)) < 15.0
 
 
 def test_a_second_of_signals_is_too_short(sample, machine):
