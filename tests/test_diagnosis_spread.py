@@ -106,16 +106,14 @@ def test_what_is_added_to_the_machines_own_has_its_tolerance(nuisance, own):
         ('drive_ripple', 'cycles_per_pitch', 0.2211468, 0.2212307),
     ],
 )
-def test_a_waves_length_is_known_no_better_than_the_pitch_of_a_loaded_chain(
-    cause, key, value, off
-):
+def test_a_waves_length_is_off_by_more_than_the_fit_knows(cause, key, value, off):
     proposal = Proposal(cause, {}, {'relative_amplitude': 0.02, key: value}, 9.0)
     row = told(Found(proposal, 1.0, {key: 3.6e-5 * value}, 9.0, ()), 0.9)['parameters'][key]
     assert row['low'] < off < row['high']
     assert row['high'] - row['low'] < 2e-3 * value
 
 
-def test_how_a_spot_strikes_is_known_to_some_percent():
+def test_a_spots_depth_is_known_to_some_percent():
     # seed 141101, number 28: 0.6 mm
     proposal = Proposal('roller_flat', {'axle': 18, 'side': 'right'}, {'depth_m': 5.58e-4}, 9.0)
     row = told(Found(proposal, 1.0, {'depth_m': 1e-6}, 9.0, ()), 0.9)['parameters']['depth_m']

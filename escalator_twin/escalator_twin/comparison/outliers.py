@@ -18,7 +18,7 @@ from escalator_twin.sync.timeline import Timed
 from escalator_twin.sync.travel import Travel
 
 SIDE = 3  # samples on either side that tell what one should be
-# Of the spread around: of 10 000 samples of white noise one in a hundred recordings passes it, and blows ring.
+# Of the spread around: white noise passes it less than once in a million samples, and blows ring.
 SIGMAS = 6.0
 AROUND_S = 1.0  # over which the spread is taken
 ALONE = 0.3  # of an outlier's size that its neighbours may be off

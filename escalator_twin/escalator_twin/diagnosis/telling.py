@@ -25,11 +25,10 @@ from escalator_twin.diagnosis.walk import ACCEPT, Walked
 
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
-# that is further off; from recordings of development (seed 75001). A wave of the rack's travel has its length by
-# what a pitch of the loaded chain takes of that: 3.8, 3.2 and 0.2 parts in ten thousand off in three recordings
-# (seeds 141101 and 151101, and another maker's), six and five of the fit's standard deviations in two.
-# How a spot strikes hangs on the tread's contact: of 0.6, 0.6, 0.6 and 0.2 mm 0.60, 0.56, 0.54 and 0.17 were told
-# (seeds 131101 to 151101).
+# that is further off; from recordings of development (seed 75001). A ripple's length was 3.8, 3.2 and 0.2 parts in
+# ten thousand off in three recordings (seeds 141101 and 151101, and another maker's), five of the fit's standard
+# deviations in two; of spots of 0.6, 0.6, 0.6 and 0.2 mm 0.60, 0.56, 0.54 and 0.17 were told (seeds 131101 to
+# 151101). Why, is not known: measured, not derived.
 VALUE_ERRORS = {
     ('roller_flat', 'depth_m'): 0.05,
     ('drive_ripple', 'cycles_per_pitch'): 3e-4,
