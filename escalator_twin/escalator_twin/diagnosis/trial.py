@@ -218,10 +218,9 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     if polished is None or cause not in LOCAL or tried.gain < LARGE:
         return tried
     floor = polished.context.floor
-    above = excess_of(place, floor)
-    left = excess_of(polished.place, floor)
-    if not is_open(polished.place, floor) or left < WHOLE_LEFT * above:
+    if not is_open(polished.place, floor):
         return tried
+    above, left = excess_of(place, floor), excess_of(polished.place, floor)
     _, fixed = of_machine_among(known)
     worth = WORTH * left
 
