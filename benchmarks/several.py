@@ -66,6 +66,18 @@ def told(name: str, outcome: Together) -> dict[str, Any]:
     }
 
 
+def score_together(out: Path, spent: Sequence[dict[str, Any]]) -> list[Together]:
+    """Read truths and verdicts of a set whose recordings are all diagnosed."""
+    outcomes = []
+    for row in spent:
+        truth = json.loads((out / 'truth' / f'{row["name"]}.json').read_text(encoding='utf-8'))
+        verdict = None
+        if 'status' not in row:
+            verdict = json.loads((out / 'verdicts' / f'{row["name"]}.json').read_text('utf-8'))
+        outcomes.append(judge_together(Truth.all_of(truth), verdict, row['seconds']))
+    return outcomes
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the command line's parser."""
     root = argparse.ArgumentParser(prog='benchmarks.several', description=__doc__)
@@ -101,13 +113,7 @@ def main() -> int:
         bags = [out / name for name in row['recordings']]
         spent.append(diagnose(bags, folder, given.machine, given.cores, LIMIT_S * len(bags)))
         print(json.dumps(spent[-1]), file=sys.stderr, flush=True)
-    outcomes = []
-    for row in spent:
-        truth = json.loads((out / 'truth' / f'{row["name"]}.json').read_text(encoding='utf-8'))
-        verdict = None
-        if 'status' not in row:
-            verdict = json.loads((folder / f'{row["name"]}.json').read_text(encoding='utf-8'))
-        outcomes.append(judge_together(Truth.all_of(truth), verdict, row['seconds']))
+    outcomes = score_together(out, spent)
     for row, outcome in zip(spent, outcomes, strict=True):
         print(json.dumps(told(row['name'], outcome)))
     for figure in figures_together(outcomes, given.recordings):
