@@ -113,6 +113,18 @@ def test_of_two_that_explain_alike_none_is_sure():
     assert [w.probability for w in weighed] == pytest.approx([0.5, 0.5], abs=1e-6)
 
 
+def test_of_two_that_explain_alike_the_larger_is_no_likelier():
+    """Both are effects beyond doubt: which of them it is, is not told by how many tolerances they are."""
+    weighed = weigh([drag(7, 4000.0, 60.0), drag(8, 4000.0, 48.0)])
+    assert [w.probability for w in weighed] == pytest.approx([0.5, 0.5], abs=1e-6)
+
+
+def test_a_rival_that_a_good_machine_may_have_is_hardly_believed():
+    weighed = weigh([drag(7, 4000.0, 120.0), drag(8, 4000.0, 16.0)])
+    assert weighed[0].proposal.location['axle'] == 7
+    assert weighed[1].probability < 0.05
+
+
 def test_a_tolerance_does_not_hide_an_effect():
     weighed = weigh([friction(20.0, 900.0), drag(7, 500.0)])
     assert weighed[0].proposal.cause == 'roller_drag'

@@ -155,9 +155,10 @@ def weigh(candidates: Sequence[tuple[Proposal, float]]) -> list[Weighed]:
     logs = []
     for p, g, e in rows:
         beside = top[2] + (0.5 * g - _cost(p)) - reference
-        logs.append(min(beside, e) if p is not top[0] and e < top[2] else beside)
-        if e == -inf:
-            logs[-1] = -inf
+        # Which of two it is, the data say: a size of ten tolerances is no less likely than one of eleven.
+        # That a rival is an effect at all, and no good machine's, is counted by itself.
+        own = 0.0 if p is top[0] else -float(np.logaddexp(0.0, -e))
+        logs.append(beside + own)
     peak = max(0.0, *(value for value in logs if value > -inf))
     weights = [exp(max(value - peak, -700.0)) if value > -inf else 0.0 for value in logs]
     total = sum(weights) + exp(-peak)
