@@ -56,6 +56,25 @@ def test_chi_squared(problem):
     assert problem.fitted().chi2 == pytest.approx(y @ inverse @ y, rel=SINGLE)
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_columns_that_single_precision_cannot_tell_apart(seed):
+    """A Gram matrix of 1e10 whose rounding is larger than the prior: chi squared stays what it is."""
+    rng = np.random.default_rng(seed)
+    one = 1e4 * rng.normal(size=(400, 1))
+    columns = (one + 1e-3 * rng.normal(size=(400, 8))).astype(np.float32)
+    white = (3.0 * rng.normal(size=400)).astype(np.float32)
+    fine = columns.astype(np.float64)
+    gram = fine.T @ fine + np.eye(8)
+    expected = white @ white - white @ fine @ np.linalg.solve(gram, fine.T @ white)
+    other = fit(white, rng.normal(size=(400, 8)).astype(np.float32))
+    for found in (
+        fit(white, columns),
+        swapped(other, white, list(range(8)), columns, np.zeros(8)),
+    ):
+        assert found.chi2 == pytest.approx(expected, rel=1e-3)
+    assert fit(white, columns).without(0).chi2 == pytest.approx(expected, rel=1e-2)
+
+
 def test_most_probable_nuisance(problem):
     C = problem.columns.astype(np.float64)
     inverse, y = problem.dense()

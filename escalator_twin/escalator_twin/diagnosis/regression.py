@@ -1,6 +1,6 @@
 """Generalised least squares with priors: how much better one more column explains a signal."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,17 +51,29 @@ class Fitted:
     def without(self, index: int) -> 'Fitted':
         """Return the fit without one nuisance column; what the model holds of it stays there."""
         keep = np.delete(np.arange(len(self.offset)), index)
-        gram = self.gram[np.ix_(keep, keep)]
-        factor = linalg.cholesky(gram + np.eye(len(keep)), lower=True)
-        return Fitted(
-            self.white, self.columns[:, keep], gram, factor, self.projected[keep],
-            self.offset[keep],
-        )  # fmt: skip
+        columns = self.columns[:, keep]
+        gram, factor = _factored(self.gram[np.ix_(keep, keep)], lambda: columns)
+        return Fitted(self.white, columns, gram, factor, self.projected[keep], self.offset[keep])
 
     def left(self) -> np.ndarray:
         """Return the whitened residual with the nuisance taken out, (m,)."""
         rest: np.ndarray = self.white - self.columns @ self.sizes.astype(np.float32)
         return rest
+
+
+def _factored(gram: Floats, columns: Callable[[], np.ndarray]) -> tuple[Floats, Floats]:
+    """Return a Gram matrix and the lower Cholesky factor of it with the prior, (q, q) each.
+
+    Columns of some 1e4 standard deviations that are nearly alike, as those of a carriage that has come to
+    its stop, leave the prior's one less than single precision rounds: then the products are made anew
+    in double precision.
+    """
+    try:
+        return gram, linalg.cholesky(gram + np.eye(len(gram)), lower=True)
+    except linalg.LinAlgError:
+        fine = columns().astype(np.float64)
+        gram = fine.T @ fine
+        return gram, linalg.cholesky(gram + np.eye(len(gram)), lower=True)
 
 
 def fit(white: np.ndarray, columns: np.ndarray, offset: Floats | None = None) -> Fitted:
@@ -74,11 +86,9 @@ def fit(white: np.ndarray, columns: np.ndarray, offset: Floats | None = None) ->
     offset : (q,) float64, optional
         Sizes of the nuisance that the model behind the residual holds already.
     """
-    q = columns.shape[1]
-    start = np.zeros(q) if offset is None else offset
-    gram = (columns.T @ columns).astype(np.float64)
+    start = np.zeros(columns.shape[1]) if offset is None else offset
+    gram, factor = _factored((columns.T @ columns).astype(np.float64), lambda: columns)
     projected = (columns.T @ white).astype(np.float64) - start
-    factor = linalg.cholesky(gram + np.eye(q), lower=True)
     return Fitted(white, columns, gram, factor, projected, start)
 
 
@@ -120,10 +130,14 @@ def swapped(
     before: Fitted, white: np.ndarray, at: Sequence[int], others: np.ndarray, offset: Floats
 ) -> Fitted:
     """Return the fit itself, with its columns; parameters are those of `fit_swapped`."""
+    products = _swapped_products(before, white, at, others, offset)
+    return Fitted(white, _swapped_columns(before, at, others), *products, offset)
+
+
+def _swapped_columns(before: Fitted, at: Sequence[int], others: np.ndarray) -> np.ndarray:
     columns = before.columns.copy()
     columns[:, at] = others
-    products = _swapped_products(before, white, at, others, offset)
-    return Fitted(white, columns, *products, offset)
+    return columns
 
 
 def _swapped_products(
@@ -136,7 +150,7 @@ def _swapped_products(
     gram[np.ix_(at, at)] = others.T @ others
     projected = (before.columns.T @ white).astype(np.float64)
     projected[at] = others.T @ white
-    factor = linalg.cholesky(gram + np.eye(len(gram)), lower=True)
+    gram, factor = _factored(gram, lambda: _swapped_columns(before, at, others))
     return gram, factor, projected - offset
 
 
