@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.campaign import (
+    by_speed,
     choose_scouts,
     decide,
     FIRST,
@@ -20,6 +22,7 @@ from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.speeds import KNOB, law_of
 from escalator_twin.diagnosis.telling import told
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.machine import load_machine
@@ -118,7 +121,12 @@ def diagnose_together(
         ):
             confirmed.append(one)
             tell(1.0, total)
-    joint = decide(groups, len(scouts), confirmed)
+    rolls = [s.rolled for s in scouts] + [c.rolled for c in confirmed]
+    law = law_of(
+        [one for one in rolls if one is not None],
+        load_machine(machine_path).tolerances.get(KNOB, 0.0),
+    )
+    joint = by_speed(decide(groups, len(scouts), confirmed), law, seed)
     faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
     rows: dict[int, dict[str, Any]] = {
         k: {**_searched(s), 'searched': True} for k, s in zip(chosen, scouts, strict=True)
@@ -148,6 +156,7 @@ def _searched(scout: Diagnosis) -> dict[str, Any]:
         'unexplained': rest_of(scout.unexplained),
         'gain': scout.held_out.document() if scout.held_out else None,
         'residual': scout.residual,
+        'rolled': asdict(scout.rolled) if scout.rolled else None,
     }
 
 
@@ -160,6 +169,7 @@ def _confirmed(one: Confirmed) -> dict[str, Any]:
         'unexplained': rest_of(one.unexplained),
         'gain': one.held_out.document(),
         'residual': one.residual,
+        'rolled': asdict(one.rolled) if one.rolled else None,
     }
 
 

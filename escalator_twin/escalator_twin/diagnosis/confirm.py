@@ -33,6 +33,7 @@ from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
+from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.tuning import tuned
@@ -64,6 +65,8 @@ class Confirmed:
     faults : tuple of Fault
     residual : mapping
         What is left without and with the effects, by channel, see `split`.
+    rolled : Rolled or None
+        What the recording says of its rollers.
     """
 
     document: dict[str, Any]
@@ -73,6 +76,7 @@ class Confirmed:
     held_out: HeldOut
     faults: tuple[Fault, ...]
     residual: dict[str, Any]
+    rolled: Rolled | None = None
 
 
 @one_thread_each
@@ -142,6 +146,7 @@ def confirm_recording(
         held,
         tuple(faults_of(context.setting, machine)),
         {'before': split(context, before), 'after': split(context, after)},
+        rolled(after, [told[k] for k in range(len(here))]),
     )
 
 

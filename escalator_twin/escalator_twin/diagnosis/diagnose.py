@@ -20,6 +20,7 @@ from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
+from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.stage import run_beside
@@ -65,6 +66,8 @@ class Diagnosis:
         What is left without and with the effects, by channel, see `split`.
     would_change : list of str
         What would change the verdict.
+    rolled : Rolled or None
+        What the recording says of its rollers, by which several speeds are compared.
     """
 
     document: dict[str, Any]
@@ -77,6 +80,7 @@ class Diagnosis:
     found: tuple[tuple[Found, float], ...] = ()
     residual: dict[str, Any] = field(default_factory=dict)
     would_change: list[str] = field(default_factory=list)
+    rolled: Rolled | None = None
 
 
 @one_thread_each
@@ -143,6 +147,9 @@ def diagnose_recording(
         tuple(named),
         {'before': split(context, walked.before), 'after': split(context, walked.after)},
         would_change(context, walked, named, held, bench.decide),
+        rolled(walked.after, [(f.proposal, f.sd) for f in walked.found])
+        if bench is LINKED
+        else None,
     )
 
 
