@@ -5,8 +5,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := setup
-.PHONY: setup demo test test-long bench bench-deps bench-diagnosis bench-several campaign campaign-diagnosis \
-    hidden floor kwon-floor lint lock clean
+.PHONY: setup demo test test-long bench bench-deps bench-diagnosis bench-several bench-grafted campaign \
+    campaign-diagnosis hidden floor kwon-floor lint lock clean
 
 PYTEST_ARGS ?=
 
@@ -113,6 +113,16 @@ SEVERAL_ARGS ?=
 bench-several: setup
 	@. tools/env.sh
 	exec .venv/bin/python -m benchmarks.several --n $(N) --seed $(SEED) --out '$(OUT)' $(SEVERAL_ARGS)
+
+# Instruments' faults laid on labelled recordings of other makers.
+# make bench-grafted LABELS=DIR/labels.yaml SEED=9001 [N=1] [OUT=DIR] [GRAFTED_ARGS='--size third']
+bench-grafted: N = 1
+bench-grafted: OUT = out/grafted
+GRAFTED_ARGS ?=
+bench-grafted: setup
+	@. tools/env.sh
+	exec .venv/bin/python -m benchmarks.grafted '$(LABELS)' --n $(N) --seed $(SEED) --out '$(OUT)' \
+	    $(GRAFTED_ARGS)
 
 # Another multibody program, for comparisons only.
 bench-deps: setup
