@@ -123,6 +123,28 @@ def test_what_closes_the_gap_is_no_leftover_though_it_acts_through_the_same_part
     assert is_left_over('tensioner_preload', 90.0, known, 100.0)
 
 
+def test_a_turned_sensor_is_no_leftover_however_strong_the_first_effect_is():
+    known = [found('load_distribution', 350_000.0)]
+    assert not is_left_over('accelerometer_misalignment', 180.0, known, 1e3)
+
+
+@pytest.mark.parametrize(
+    ('first', 'gain', 'excess', 'left_over'),
+    [
+        # closes what is left beside a first effect that explains a thousand times as much
+        (350_000.0, 900.0, 1_000.0, False),
+        (350_000.0, 900.0, 2_000.0, True),  # does not
+        (350_000.0, 290.0, 300.0, True),  # as little as a good machine's remainder holds
+        (12e6, 5_000.0, 5_000.0, False),
+        (12e6, 4_000.0, 4_000.0, True),  # less than 2 % of the first one's amplitude
+        (12_000.0, 121.0, 130.0, False),  # a hundredth is enough
+    ],
+)
+def test_what_closes_all_that_is_left_is_no_leftover(first, gain, excess, left_over):
+    known = [found('load_distribution', first)]
+    assert is_left_over('landing_length', gain, known, excess) is left_over
+
+
 @pytest.mark.parametrize(
     ('cause', 'one', 'other', 'same'),
     [

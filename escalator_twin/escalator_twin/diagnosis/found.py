@@ -15,11 +15,19 @@ from escalator_twin.diagnosis.verdict import Weighed
 SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
 CLOSES = 0.5
+# Of what the others did: what an effect of other kin that closes most of what is left explains at least. A fitted
+# law's own error is 2 % of its size (`LAW_ERROR`), and so much of its amplitude squared; and what the searches of
+# good machines' remainders find, some hundred of chi squared, is none.
+SHARE_OF_CLOSING = 0.02**2
+LEAST_CLOSING = 300.0
 # A further effect is taken to explain no more than so many times what was found. The strongest comes first,
 # but it may be fitted in a hollow, and be found again where it belongs.
 FURTHER = 8.0
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
+# Nor is gravity's share of a step's axes, which a sensor that is turned has along the whole guide: what a tilt of
+# some tolerances costs is little beside any strong effect.
+OF_ITS_OWN = (*ONE_GAUGE, 'accelerometer_misalignment')
 KIN = (
     frozenset({
         'tensioner_friction', 'tensioner_stop', 'tensioner_stiffness', 'tensioner_preload',
@@ -71,12 +79,16 @@ def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float)
     excess : float
         Chi squared above a good machine's, before the further effect.
     """
-    if cause in ONE_GAUGE:
+    if cause in OF_ITS_OWN:
         return False
+    closes = gain >= CLOSES * excess
     for earlier in found:
         kin = any({cause, earlier.proposal.cause} <= group for group in KIN)
-        is_kin = (kin or cause == earlier.proposal.cause) and gain < CLOSES * excess
-        if gain < (SHARE_OF_KIN if is_kin else SHARE_OF_FIRST) * earlier.gain:
+        kin = kin or cause == earlier.proposal.cause
+        least = (SHARE_OF_KIN if kin and not closes else SHARE_OF_FIRST) * earlier.gain
+        if closes and not kin:
+            least = min(least, max(SHARE_OF_CLOSING * earlier.gain, LEAST_CLOSING))
+        if gain < least:
             return True
     return False
 
