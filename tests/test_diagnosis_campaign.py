@@ -124,6 +124,21 @@ def test_recordings_that_cannot_tell_leave_it_to_the_scouts():
     assert joint.probability == pytest.approx(1.0 - 0.1 * 0.2)
 
 
+@pytest.mark.parametrize(('theirs', 'accepted'), [(-4.0, True), (-0.5, False)])
+def test_a_turned_sensor_is_held_by_its_largest_angle(theirs, accepted):
+    """The angle that is about none is found with either sign, and says nothing."""
+
+    def turned(x, y):
+        angles = {'x_deg': x, 'y_deg': y}
+        return Proposal('accelerometer_misalignment', {}, angles, 180.0, fitted=tuple(angles))
+
+    sds = {'x_deg': 0.02, 'y_deg': 0.02}
+    groups = union_of([scout((Found(turned(0.1, -4.0), 0.9, sds, 180.0, ()), 0.9))])
+    others = [SimpleNamespace(effects=(turned(-0.1, theirs),), sd=(sds,)) for _ in range(5)]
+    joint = decide(groups, 4, others)
+    assert [j.recordings for j in joint] == [6] * accepted
+
+
 def test_with_nobody_to_confirm_one_of_many_is_not_enough():
     one = union_of([scout((found(drag()), 0.9))])
     assert decide(one, 4, []) == []

@@ -203,9 +203,9 @@ def decide(
 
 def _held(scouts: Proposal, others: Sequence[tuple[Proposal, Mapping[str, float]]]) -> bool | None:
     """Tell whether other recordings find an effect as well; None where they cannot tell."""
-    key = scouts.fitted[0] if scouts.fitted else None
-    sized = [(p, sd) for p, sd in others if key is not None and sd.get(key, 0.0) > 0.0]
-    if key is None or not sized:
+    key = _largest(scouts)
+    sized = [(p, sd) for p, sd in others if sd.get(key, 0.0) > 0.0]
+    if not sized:
         return None
     found = pooled(sized)
     neutral = neutral_of(scouts.cause, key)
@@ -216,8 +216,16 @@ def _held(scouts: Proposal, others: Sequence[tuple[Proposal, Mapping[str, float]
     return theirs / ours > LEAST_PART and abs(theirs) > SURE_SD * found.sd[key]
 
 
+def _largest(proposal: Proposal) -> str:
+    """Return the number that sizes an effect: of a turned sensor's angles the largest; empty without one."""
+    angles = [key for key in proposal.fitted if key.endswith('_deg')]
+    if angles:
+        return max(angles, key=lambda key: abs(proposal.parameters[key]))
+    return proposal.fitted[0] if proposal.fitted else ''
+
+
 def _shows(proposal: Proposal, sd: Mapping[str, float]) -> bool:
-    key = proposal.fitted[0] if proposal.fitted else ''
+    key = _largest(proposal)
     way = proposal.parameters.get(key, 0.0) - neutral_of(proposal.cause, key)
     return sd.get(key, 0.0) > 0.0 and abs(way) > SURE_SD * sd[key]
 

@@ -88,10 +88,12 @@ def gains(search: Search) -> Iterator[Proposal]:
             rest = rest.without(at)
         sizes, _ = score_groups(rest, search.fitted.columns[:, turned], 3)
         _, gram = inner_products(rest, search.fitted.columns[:, turned])
-        spread = np.eye(3) + np.linalg.inv(gram)
+        unsure = np.linalg.inv(gram)
+        spread = np.eye(3) + unsure
         gain = float(sizes[0] @ np.linalg.solve(spread, sizes[0]))
         degrees = {f'{a}_deg': float(tolerance * sizes[0, i]) for i, a in enumerate('xyz')}
+        sd = tolerance * np.sqrt(np.diag(unsure))
         yield Proposal(
-            'accelerometer_misalignment', {}, degrees, gain, {},
-            1, tuple(degrees), 'rotation',
+            'accelerometer_misalignment', {}, degrees, gain,
+            dict(zip(degrees, map(float, sd), strict=True)), 1, tuple(degrees), 'rotation',
         )  # fmt: skip
