@@ -92,8 +92,8 @@ def gains(search: Search) -> Iterator[Proposal]:
         spread = np.eye(3) + unsure
         gain = float(sizes[0] @ np.linalg.solve(spread, sizes[0]))
         degrees = {f'{a}_deg': float(tolerance * sizes[0, i]) for i, a in enumerate('xyz')}
-        sd = tolerance * np.sqrt(np.diag(unsure))
+        spreads = tolerance * np.sqrt(np.diag(unsure))
         yield Proposal(
             'accelerometer_misalignment', {}, degrees, gain,
-            dict(zip(degrees, map(float, sd), strict=True)), 1, tuple(degrees), 'rotation',
+            dict(zip(degrees, map(float, spreads), strict=True)), 1, tuple(degrees), 'rotation',
         )  # fmt: skip
