@@ -5,10 +5,12 @@ from math import exp
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis.campaign import by_speed, Joint
+from escalator_twin.causes import apply
+from escalator_twin.diagnosis.campaign import by_speed, Joint, told_jointly
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.speeds import law_of, Rolled
+from escalator_twin.machine import load_machine
 
 pytestmark = pytest.mark.issue(7)
 
@@ -49,6 +51,19 @@ def test_a_law_of_speed_takes_the_place_of_a_factor(seed):
     found = effects['friction_speed'].found
     assert found.proposal.parameters['rise'] == pytest.approx(1.2, abs=2.0 * found.sd['rise'])
     assert effects['friction_speed'].probability > 0.9
+
+
+def test_a_law_of_speed_is_told_and_runs_as_contracts_have_it(root):
+    joint = by_speed([], law_of(recordings(3, 1.2), TOLERANCE), seed=0)
+    (told,) = told_jointly(joint, [], 16)
+    assert told['cause'] == 'friction_speed'
+    assert told['alternatives'] == []
+    for name, true in (('rise', 1.2), ('speed_m_s', 0.2)):
+        interval = told['parameters'][name]
+        assert interval['low'] < true < interval['high']
+    prototype = load_machine(root / 'config/machines/prototype.yaml')
+    machine = apply(prototype, (joint[0].found.proposal.deviation,))
+    assert machine.deviations[-1].cause == 'friction_speed'
 
 
 @pytest.mark.parametrize('seed', range(20))
