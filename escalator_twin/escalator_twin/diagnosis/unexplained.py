@@ -127,6 +127,11 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
     )
 
 
+def fell_by(before: Beside, after: Beside) -> float:
+    """Return by how much chi squared fell, in the channels that no rattling shakes."""
+    return max(before.stage.judged(before.fitted) - after.stage.judged(after.fitted), 0.0)
+
+
 def explained_by(before: Beside, after: Beside, floor: Floor) -> float:
     """Return how much of what is above a good machine's the effects account for, 0 to 1.
 
@@ -137,7 +142,7 @@ def explained_by(before: Beside, after: Beside, floor: Floor) -> float:
     whole, excess = (
         float(np.maximum(by_channel(place) - level, 0.0).sum()) for place in (before, after)
     )
-    fell = max(before.stage.judged(before.fitted) - after.stage.judged(after.fitted), 0.0)
+    fell = fell_by(before, after)
     by_chi2 = fell / max(fell + excess_of(after, floor), 1e-12)
     return float(np.clip(max(1.0 - excess / max(whole, 1e-12), by_chi2), 0.0, 1.0))
 

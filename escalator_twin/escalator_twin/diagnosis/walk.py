@@ -10,7 +10,13 @@ from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
 from escalator_twin.diagnosis.floor import Floor, SHAKING
-from escalator_twin.diagnosis.found import Found, is_in_vain, is_left_over, ONE_GAUGE
+from escalator_twin.diagnosis.found import (
+    Found,
+    FURTHER,
+    is_in_vain,
+    is_left_over,
+    ONE_GAUGE,
+)
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
@@ -21,8 +27,10 @@ from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
     excess_of,
     explained_by,
+    fell_by,
     is_open,
     is_stretched,
+    LEAST_EXPLAINED,
 )
 from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
@@ -162,7 +170,12 @@ def walk(
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
-        worth = partial(_is_worth_fitting, found=found, excess=excess)
+        whole = _Whole.of(before, place, context.floor, MOST_EFFECTS - 1 - len(found))
+        if stretched or not all(of_machine(f.proposal) for f in found):
+            whole = replace(
+                whole, fell=inf
+            )  # an instrument's fault is counted beside a good instrument
+        worth = partial(_is_worth_fitting, found=found, excess=excess, whole=whole)
         tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
         weighed = weigh(_candidates(proposals, tried))
         if weighed and _is_unrun(weighed[0], tried):
@@ -180,6 +193,8 @@ def walk(
         if not weighed or weighed[0].probability < ACCEPT or _is_rest(weighed[0], found, excess):
             break
         top = weighed[0]
+        if of_machine(top.proposal) and whole.is_in_vain(top.proposal.cause, top.gain):
+            break
         match = next((t for t in tried if t.proposal is top.proposal), None)
         sd = match.sd if match is not None else dict(top.proposal.sd)
         found.append(Found(top.proposal, top.probability, sd, top.gain, tuple(weighed)))
@@ -283,6 +298,40 @@ class _Most:
         return self.quiet + (self.shaken if cause in SHAKING else 0.0)
 
 
+@dataclass(frozen=True)
+class _Whole:
+    """How much of a recording has to be explained before anything is named.
+
+    Attributes
+    ----------
+    fell : float
+        Chi squared that was explained so far.
+    quiet, shaken : float
+        What is above a good machine's: in quiet channels, and where rattling shakes.
+    further : int
+        Effects that may be found after this round's.
+    """
+
+    fell: float
+    quiet: float
+    shaken: float
+    further: int
+
+    @classmethod
+    def of(cls, before: Beside, place: Beside, floor: Floor, further: int) -> '_Whole':
+        quiet, shaken = (excess_of(place, floor, shaken) for shaken in (False, True))
+        return cls(fell_by(before, place), quiet, shaken, further)
+
+    def is_in_vain(self, cause: str, gain: float) -> bool:
+        """Tell whether this round's best and all that may follow leave nearly all open.
+
+        What follows explains no more than `FURTHER` times this round's best, which comes first for being the
+        strongest; names that leave so much open are not told.
+        """
+        total = self.fell + self.quiet + (self.shaken if cause in SHAKING else 0.0)
+        return self.fell + (1.0 + FURTHER * self.further) * gain < LEAST_EXPLAINED * total
+
+
 def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float, most: _Most) -> bool:
     """Tell whether a proposal may, fitted, be more than what the accepted laws leave."""
     gain = HOPE * proposal.gain
@@ -291,8 +340,12 @@ def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float, most: 
     return not is_left_over(proposal.cause, gain, found, excess)
 
 
-def _is_worth_fitting(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:
-    """Tell whether an effect that was run once may, fitted with all else, still be one."""
+def _is_worth_fitting(
+    cause: str, gain: float, found: Sequence[Found], excess: float, whole: _Whole
+) -> bool:
+    """Tell whether an effect that was run once may, fitted with all else, still be named."""
+    if whole.is_in_vain(cause, FITTED * gain):
+        return False
     return not is_left_over(cause, FITTED * gain, found, excess)
 
 
