@@ -1,7 +1,7 @@
 """The independent generator: what it promises about itself and its recordings."""
 
 import ast
-from dataclasses import astuple
+from dataclasses import astuple, replace
 import hashlib
 import json
 from pathlib import Path
@@ -181,6 +181,24 @@ def test_a_hidden_set_keeps_its_truth_apart(tmp_path):
     truth = json.loads((tmp_path / 'truth' / 'machine_000_0.json').read_text())
     assert truth['effects'][0]['cause'] == 'roller_drag'
     assert b'roller_drag' not in (tmp_path / 'machine_000_0' / 'machine_000_0.mcap').read_bytes()
+
+
+@pytest.mark.issue(7)
+def test_a_machine_has_one_stop_in_all_its_recordings(tmp_path):
+    chosen = plan(0, 8, 2, ['tensioner_stop'])
+    cases = (Case(0.5, 1, 0.0, 3000.0), Case(0.5, 1, 0.0, 6000.0))
+    orders = tuple(
+        replace(order, case=case, duration_s=2.0)
+        for order, case in zip(chosen.orders, cases, strict=True)
+    )
+    line = write_plan(replace(chosen, orders=orders), tmp_path)
+    truths = [
+        json.loads((tmp_path / 'truth' / f'{name}.json').read_text())
+        for name in line['recordings']
+    ]
+    stops = [truth['effects'][0]['parameters'] for truth in truths]
+    assert stops[0] == stops[1]
+    assert stops[0].keys() == {'displacement_m'}
 
 
 def test_several_causes_are_hidden_in_all_experiments_of_a_machine():

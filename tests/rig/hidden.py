@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 import json
@@ -98,11 +98,16 @@ def plan(
 
 
 def write_plan(chosen: Plan, out: Path) -> dict:
-    """Make one machine's recordings; return its line of the manifest, which tells nothing."""
-    paths = []
+    """Make one machine's recordings; return its line of the manifest, which tells nothing.
+
+    What only a run can tell, as where a stop is in the motion, the first one tells for all: it is one machine.
+    """
+    paths: list[str] = []
+    effects = chosen.orders[0].effects
     for k, order in enumerate(chosen.orders):
         name = f'{chosen.name}_{k}'
-        made = make(order)
+        made = make(replace(order, effects=effects))
+        effects = tuple(Effect(**effect) for effect in made.truth['effects'])
         made.truth['size'] = chosen.size
         write(made, out / name, out / 'truth' / f'{name}.json')
         paths.append(name)

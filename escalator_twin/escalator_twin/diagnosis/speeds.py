@@ -32,7 +32,9 @@ LEAST_SEEN = 0.25  # of the prior's precision: below it a recording says nothing
 LEAST_RISE = 3.0 * (
     KNOWN['friction_speed'].sizes[0].tolerance or 0.0
 )  # contracts.md: three tolerances
-SCATTER = 0.03  # -, of factors of like recordings beyond what each says of itself, at least
+# How far a recording's factor is off beyond what it says of itself: what is thought before any was seen, and as how many
+# recordings that counts.
+SCATTER, COUNTS_AS = 0.03, 2.0
 
 
 @dataclass(frozen=True)
@@ -114,16 +116,17 @@ def law_of(rows: Sequence[Rolled], tolerance: float) -> Law | None:
     if len(rows) < 2 or speeds.max() < APART * speeds.min():
         return None
     factors = np.array([row.factor for row in rows])
-    sd = np.hypot([row.sd for row in rows], _scatter(speeds, factors))
+    own = np.array([row.sd for row in rows])
     middle = log(REFERENCE['speed_m_s'])
     starts = [np.array([1.0, rise, middle]) for rise in (0.0, REFERENCE['rise'])]
-    found, covariance, squares = _fitted(speeds, factors, sd, tolerance, starts)
+    first, _, _ = _fitted(speeds, factors, np.hypot(own, SCATTER), tolerance, starts)
+    sd = np.hypot(own, _scatter(factors - _law(first, speeds)))
+    found, covariance, squares = _fitted(speeds, factors, sd, tolerance, [first])
     constant = min(
         _constant(factors, sd, tolerance)[1],
         _constant(factors, sd, np.inf)[1] + 2.0 * (PRIOR_EFFECT + PER_NUMBER),
     )
-    own, rise, logarithm = found
-    speed = exp(logarithm)
+    speed = exp(found[2])
     gain = np.empty(len(rows))
     for k in range(len(rows)):
         rest = np.arange(len(rows)) != k
@@ -133,8 +136,8 @@ def law_of(rows: Sequence[Rolled], tolerance: float) -> Law | None:
         plain, by_law = ((factors[k] - foretold) / sd[k]) ** 2
         gain[k] = plain - by_law
     return Law(
-        own,
-        rise,
+        float(found[0]),
+        float(found[1]),
         speed,
         {
             'rise': float(covariance[1, 1] ** 0.5),
@@ -145,14 +148,11 @@ def law_of(rows: Sequence[Rolled], tolerance: float) -> Law | None:
     )
 
 
-def _scatter(speeds: Floats, factors: Floats) -> float:
-    """Return how far recordings of one speed are apart, at least `SCATTER`."""
-    kinds = np.round(np.log(speeds) / log(APART))
-    groups = [factors[kinds == kind] for kind in np.unique(kinds)]
-    free = len(factors) - len(groups)
-    if free == 0:
-        return SCATTER
-    return max(float(np.sqrt(sum(((g - g.mean()) ** 2).sum() for g in groups) / free)), SCATTER)
+def _scatter(rest: Floats) -> float:
+    """Return how far recordings are from the law, (n,), as one standard deviation."""
+    free = max(len(rest) - 2, 0)  # two of the law's numbers are told by the recordings
+    squares = COUNTS_AS * SCATTER**2 + float(rest @ rest) * free / len(rest)
+    return float(np.sqrt(squares / (COUNTS_AS + free)))
 
 
 def _law(numbers: Floats, speeds: Floats | float) -> Floats:
