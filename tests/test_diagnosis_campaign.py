@@ -69,6 +69,14 @@ def test_sizes_that_scatter_more_than_they_say_widen_the_interval():
     assert joined.sd['force_N'] > 15.0
 
 
+def test_where_a_machines_carriage_rests_is_no_better_known_by_many():
+    stop = Proposal(
+        'tensioner_stop', {}, {'displacement_m': 5e-3}, 1e3, fitted=('displacement_m',)
+    )
+    rows = [(stop, {'displacement_m': 1.4e-3})] * 16
+    assert pooled(rows).sd['displacement_m'] == pytest.approx(1.4e-3)
+
+
 def test_places_along_the_guide_are_pooled_and_phases_are_not():
     rows = [(step(3.0), {'height_m': 1e-5, '@s_m': 0.01}), (step(3.1), {'@s_m': 0.01})]
     assert pooled(rows).proposal.location['s_m'] == pytest.approx(3.05)

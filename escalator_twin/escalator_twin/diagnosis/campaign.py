@@ -34,6 +34,8 @@ LEAST_PART = 0.4  # of the scouts' size that the others must find
 BLIND = 0.5  # of the size: a standard deviation beyond which the others say nothing
 CONFIRMED = 0.98
 DRAWS = 2000
+# Where the carriage rests is a matter of the machine's own lengths, in all of its recordings alike.
+COMMON = ('displacement_m',)
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def pooled(rows: Sequence[tuple[Proposal, Mapping[str, float]]]) -> Found:
         if not known:
             continue
         mean, spread = _mean(np.array([[v, s] for v, s in known], float))
-        sd[key] = spread
+        sd[key] = max(spread, min(s for _, s in known)) if key in COMMON else spread
         if key.startswith('@'):
             location[key[1:]] = mean
         else:

@@ -97,7 +97,7 @@ def fitted_beside(
         )
     except EscalatorError:
         return plain(refined)
-    spreads = tuple(_with_rest(context, sd) for sd in polished.sd)
+    spreads = tuple(with_rest(context, sd) for sd in polished.sd)
     polished = replace(polished, sd=spreads)
     proposal = polished.effects[-1]
     gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
@@ -140,13 +140,13 @@ def fit_again(
         except EscalatorError:
             pass  # as it was, its tolerances tuned
         else:
-            spreads = tuple(_with_rest(context, sd) for sd in found.sd)
+            spreads = tuple(with_rest(context, sd) for sd in found.sd)
             return replace(found, sd=spreads)
     deviations = tuple(k.deviation for k in (*again, *fixed))
     return Polished(*tuned(context, deviations, jobs, turned), (), ())
 
 
-def _with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
+def with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
     """Return spreads with what the carriage's place at rest adds to a stop's.
 
     The sensor's zero is arbitrary: the data tell where in the motion the stop is, and tolerances of
