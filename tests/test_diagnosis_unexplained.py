@@ -54,10 +54,17 @@ def test_an_effect_that_explains_nothing_explains_nothing(explained):
     [
         ('link_force/a/gain', -3.5, True), ('rotation/x', 3.5, True),
         ('link_force/a/gain', 2.5, False), ('link_force/a/zero', 40.0, False),
+        ('roller.rolling_resistance', 3.5, True), ('roller.rolling_resistance', 2.5, False),
+        ('roller.contact_stiffness_n_m', 3.5, False),  # no cause's tolerance
     ],
 )  # fmt: skip
 def test_an_instrument_beyond_its_tolerance_is_told(name, size, is_stretched):
     nuisance = SimpleNamespace(names=('course', name, 'effect/2'))
     stage = SimpleNamespace(nuisance=nuisance)
-    held = SimpleNamespace(stage=stage, fitted=SimpleNamespace(sizes=np.array([9.0, size])))
-    assert unexplained.is_stretched(held) is is_stretched
+    # a tolerance is turned in the run, and fitted beyond that
+    for turned in (0.0, 0.6 * size):
+        fitted = SimpleNamespace(
+            sizes=np.array([9.0, size - turned]), offset=np.array([0.0, turned])
+        )
+        held = SimpleNamespace(stage=stage, fitted=fitted)
+        assert unexplained.is_stretched(held) is is_stretched

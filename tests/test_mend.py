@@ -7,7 +7,7 @@ import pytest
 from escalator_twin import bagfile
 from escalator_twin.check import quality
 from escalator_twin.check.spikes import outliers
-from escalator_twin.comparison.mend import mend
+from escalator_twin.comparison.mend import axial_weights, mend
 
 pytestmark = pytest.mark.issue(5)
 
@@ -73,3 +73,47 @@ def test_a_dead_gauge_stays_mended_beside_outliers():
     assert {('gauge_dead', LEFT_A, True), ('sensor_spikes', LEFT_A, True)} <= kinds
     off = repaired.signals[LEFT_A].values - clean.signals[LEFT_A].values
     assert np.std(off) < 0.05 * np.std(clean.signals[LEFT_A].values)
+
+
+def gauges(rng, n=400, crooked=0.025):
+    """Return axial strain (n,) and what four gauges make of it: both bendings, no noise."""
+    axial, bent = rng.normal(size=n), 0.3 * rng.normal(size=n)
+    faces = 1.0 + crooked * np.array([1.0, 1.0, -1.0, -1.0])
+    return axial, axial[:, None] * faces + bent[:, None] * np.array([1.0, -1.0, 1.0, -1.0])
+
+
+# of four gauges, by hand: three tell axial part and both bendings in one way alone (1 + 4 or 2 + 3)
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(
+    ('dead', 'noise', 'exact'),
+    [((), 1.0, True), *(((k,), 2.0**0.5, True) for k in range(4)), ((0, 3), 2.0**0.5, True),
+     ((0, 1), 2.0**0.5, False)],
+)  # fmt: skip
+def test_the_living_gauges_tell_the_axial_part(dead, noise, exact):
+    axial, parts = gauges(np.random.default_rng(3))
+    live = ~np.isin(np.arange(4), dead)
+    weights = axial_weights(MACHINE.instruments.sensor(LEFT_A), live)
+    found = parts[:, live] @ weights
+    assert np.allclose(found, axial, atol=1e-9) is exact  # with one face alone it reads 2.5 % more
+    assert np.allclose(found, axial, rtol=0.05, atol=0.05)
+    assert (4.0 * weights @ weights) ** 0.5 == pytest.approx(noise)
+
+
+@pytest.mark.parametrize('dead', [(0, 2), (0, 1, 2)])
+def test_one_edge_alone_is_not_mended(dead):
+    live = ~np.isin(np.arange(4), dead)
+    assert axial_weights(MACHINE.instruments.sensor(LEFT_A), live) is None
+
+
+@pytest.mark.issue(6)
+def test_what_living_gauges_tell_is_noisier_and_that_is_told(root):
+    recording = bagfile.read(root / 'bags' / 'sample_clean', MACHINE)
+    parts = np.array(recording.signals[LEFT_A].parts)
+    parts[:, 1] = parts[0, 1]
+    broken = changed(recording, LEFT_A, parts=parts)
+    repaired, findings = mend(broken, MACHINE, quality(broken, MACHINE))
+    (noise,) = [f.noise for f in findings if f.kind == 'gauge_dead']
+    assert noise == pytest.approx(2.0**0.5)
+    # against all four it has a quarter of each gauge's noise of 0.25 microstrain more or less; they creep apart
+    off = repaired.signals[LEFT_A].values - recording.signals[LEFT_A].values
+    assert np.std(np.diff(off)) / 2.0**0.5 == pytest.approx(0.125e-6 * EA, rel=0.1)

@@ -22,7 +22,10 @@ def read_only(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One observation on the quality of a recording (``quality`` in the JSON contract)."""
+    """One observation on the quality of a recording (``quality`` in the JSON contract).
+
+    ``noise`` is the repaired channel's noise, times a sound one's.
+    """
 
     kind: str
     channel: str
@@ -30,6 +33,7 @@ class Finding:
     to_s: float
     detail: str
     repaired: bool = False
+    noise: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,21 +35,29 @@ def mend(
     """
     wanted = {(f.kind, f.channel) for f in findings if f.kind in MENDED}
     signals = dict(recording.signals)
-    done: set[tuple[str, str]] = set()
+    done: dict[tuple[str, str], float] = {}
     for kind, channel in sorted(wanted, key=lambda one: (MENDED.index(one[0]), one[1])):
         if channel not in signals:
             continue
         sensor = machine.instruments.sensor(channel)
+        noise, mended = 1.0, None
         if kind == 'sensor_spikes':
             mended = _without_spikes(recording, machine, sensor, signals[channel])
         else:
-            mended = _without_dead(signals[channel], sensor)
+            living = _without_dead(signals[channel], sensor)
+            if living is not None:
+                mended, noise = living
         if mended is not None:
             signals[channel] = mended
-            done.add((kind, channel))
+            done[kind, channel] = noise
     if not done:
         return recording, findings
-    told = [replace(f, repaired=f.repaired or (f.kind, f.channel) in done) for f in findings]
+    told = [
+        replace(f, repaired=True, noise=done[f.kind, f.channel])
+        if (f.kind, f.channel) in done
+        else f
+        for f in findings
+    ]
     return replace(recording, signals=signals), told
 
 
@@ -80,8 +88,8 @@ def _without_spikes(
     return _with_parts(signal, parts, parts.mean(axis=1)) if is_mended else None
 
 
-def _without_dead(signal: Signal, sensor: Sensor) -> Signal | None:
-    """Take the mean of the parts that live, those of each sign of bending weighing alike."""
+def _without_dead(signal: Signal, sensor: Sensor) -> tuple[Signal, float] | None:
+    """Take the axial part from the parts that live; also return the noise of it, times that of all parts' mean."""
     parts = signal.parts
     n = parts.shape[1]
     moves = np.array([float(np.std(parts[:, k])) for k in range(n)])
@@ -91,8 +99,30 @@ def _without_dead(signal: Signal, sensor: Sensor) -> Signal | None:
     dead |= still
     if not dead.any() or dead.all() or moves[~dead].min() < LIVE_NOISE * noise.max():
         return None
-    bending = np.array(sensor.bending if len(sensor.bending) == n else [0.0] * n)
-    groups = [parts[:, (bending == sign) & ~dead] for sign in sorted(set(bending))]
-    if any(group.shape[1] == 0 for group in groups):
+    weights = axial_weights(sensor, ~dead)
+    if weights is None:
         return None
-    return _with_parts(signal, parts, np.mean([g.mean(axis=1) for g in groups], axis=0))
+    values = parts[:, ~dead] @ weights
+    return _with_parts(signal, parts, values), float(np.sqrt(n * (weights @ weights)))
+
+
+def axial_weights(sensor: Sensor, live: np.ndarray) -> Floats | None:
+    """Return what the living parts weigh so that bending cancels, up and down and between the faces.
+
+    Three of four gauges tell both bendings and the axial part, each in one way alone. Where the faces cannot be
+    told apart any more, the bending up and down alone is cancelled; None where that is not possible either.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    live : (n,) bool
+    """
+    n = len(live)
+    signs = [row for row in (sensor.bending, sensor.faces) if len(row) == n]
+    for count in range(len(signs), min(len(signs), 1) - 1, -1):
+        rows = np.array([np.ones(n), *signs[:count]])[:, live]
+        wanted = np.eye(len(rows))[0]
+        weights: Floats = np.linalg.pinv(rows) @ wanted  # of all that do, the least noise
+        if np.allclose(rows @ weights, wanted, atol=1e-9):
+            return weights
+    return None

@@ -202,7 +202,8 @@ def _aligned(
     own = {} if context.own is None else context.own.at(observation.index)
     nuisance = make_nuisance(observation, model, context.responses, machine, own)
     shares = shares_of(context, observation)
-    whiten = make_whitener(observation, machine, context.floor, shares=shares)
+    noises = {f.channel: f.noise for f in setting.findings if f.noise > 1.0}
+    whiten = make_whitener(observation, machine, context.floor, shares=shares, noises=noises)
     stage = make_stage(machine, setting, observation, nuisance, whiten, trace.rack_m)
     stage = replace(stage, turned=dict(turned))
     return Beside(stage, judgement, model, stage.fit(model))

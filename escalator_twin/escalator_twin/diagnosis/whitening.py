@@ -1,6 +1,6 @@
 """Noise of every channel by frequency, and what it makes of signals on the grid."""
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,11 +70,13 @@ def make_whitener(
     floor: Floor,
     means: Container[str] = (),
     shares: Floats | None = None,
+    noises: Mapping[str, float] | None = None,
 ) -> Whitener:
     """Return the whitener of an observation: the sensors' noise and the twin's own error.
 
     ``means`` holds the channels whose mean counts; of all others it is a zero of the instrument.
-    ``shares`` says where in the loop, 0 to 1, the step of each channel is, (n, c).
+    ``shares`` says where in the loop, 0 to 1, the step of each channel is, (n, c). ``noises`` are those of repaired
+    channels, times a sound one's.
     """
     frame, n = observation.frame, len(observation.index)
     f = frequencies(n, frame.rate_hz)
@@ -83,7 +85,9 @@ def make_whitener(
     for k, channel in enumerate(observation.channels):
         sensor = machine.instruments.sensor(channel)
         own = sensor_variance(sensor, frame.rate_hz)
-        weight[:, k] = 1.0 / np.sqrt(floor.variance(sensor, own, orders, frame.speed_m_s, n))
+        variance = floor.variance(sensor, own, orders, frame.speed_m_s, n)
+        more = (noises or {}).get(channel, 1.0) ** 2 - 1.0
+        weight[:, k] = 1.0 / np.sqrt(variance + more * own)
     weight[0] *= [channel in means for channel in observation.channels]
     weight /= floor.temperature**0.5
     mask = observation.valid.astype(np.float32)

@@ -165,6 +165,7 @@ class Sensor:
     thermal_drift: float = 0.0
     rotation_tol_deg: float = 0.0
     bending: tuple[float, ...] = ()
+    faces: tuple[float, ...] = ()
 
     @property
     def channel(self) -> str:
