@@ -371,3 +371,16 @@ def test_without_an_effect_a_gauge_has_a_good_gauges_gain_at_most():
     np.testing.assert_allclose(sizes[1:], expected, rtol=1e-3)
     within = np.array([1.5, 1.0, -2.0], np.float32)
     np.testing.assert_allclose(sizes_within(columns @ within, columns, bounded), within, rtol=0.02)
+
+
+@pytest.mark.issue(6)
+def test_a_repaired_channel_weighs_by_its_own_noise():
+    n, c = 400, len(CHANNELS)
+    time = np.tile(np.arange(n)[:, None] / FRAME.rate_hz, (1, c))
+    observation = Observation(
+        FRAME, CHANNELS, np.arange(n), time, np.zeros((n, c)), np.ones((n, c), bool), 0.0
+    )
+    sound = make_whitener(observation, MACHINE, Floor({})).weight
+    noisy = make_whitener(observation, MACHINE, Floor({}), noises={CHANNELS[0]: 2.0**0.5}).weight
+    assert np.allclose(noisy[1:, 0], sound[1:, 0] / 2.0**0.5)
+    assert np.array_equal(noisy[:, 1:], sound[:, 1:])
