@@ -14,7 +14,7 @@ import trials
 from escalator_twin.diagnosis import scores
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.floor import Floor
-from escalator_twin.diagnosis.free import creep, freed
+from escalator_twin.diagnosis.free import creep, freed, without_own
 from escalator_twin.diagnosis.heldout import folds_of, hold_out, sizes_within, slow_of
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import Nuisance
@@ -384,3 +384,20 @@ def test_a_repaired_channel_weighs_by_its_own_noise():
     noisy = make_whitener(observation, MACHINE, Floor({}), noises={CHANNELS[0]: 2.0**0.5}).weight
     assert np.allclose(noisy[1:, 0], sound[1:, 0] / 2.0**0.5)
     assert np.array_equal(noisy[:, 1:], sound[:, 1:])
+
+
+@pytest.mark.issue(7)
+def test_beside_a_creeping_gauge_a_tolerance_is_left_out_as_beside_a_good_one():
+    base = np.zeros((400, len(CHANNELS)))
+    stage = stage_of(base, base)
+    drift = Proposal('gauge_drift', {'link': 'a'}, {'strain': 1e-5, 'curvature': 0.0}, 0.0)
+    after = freed(Beside(stage, None, base, stage.fit(base)), [drift]).stage
+    # the effect of the machine stands for what is the first name here
+    landing = Proposal(
+        'landing_length', {}, {'delta_m': 6e-3}, 0.0, nuisance=stage.nuisance.names[0]
+    )
+    found = without_own(after, [drift, landing])
+    assert found.nuisance.names == after.nuisance.names[1:]
+    assert np.array_equal(found.white_nuisance, after.white_nuisance[:, 1:])
+    assert np.array_equal(found.nuisance.columns, stage.nuisance.columns[:, :, 1:])
+    assert found.fit(base).chi2 == 0.0

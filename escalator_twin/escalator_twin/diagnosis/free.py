@@ -54,7 +54,10 @@ def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
     if len(keep) == len(stage.nuisance.names):
         return stage
     names = tuple(stage.nuisance.names[k] for k in keep)
-    nuisance = replace(stage.nuisance, names=names, columns=stage.nuisance.columns[:, :, keep])
+    columns = stage.nuisance.columns
+    # a gauge's creep has a name and a whitened column alone, behind all others
+    own_columns = [k for k in keep if k < columns.shape[2]]
+    nuisance = replace(stage.nuisance, names=names, columns=columns[:, :, own_columns])
     return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
 
 
