@@ -50,15 +50,16 @@ def test_an_effect_that_explains_nothing_explains_nothing(explained):
 
 
 @pytest.mark.parametrize(
-    ('name', 'size', 'is_stretched'),
+    ('name', 'size', 'is_stretched', 'is_used_up'),
     [
-        ('link_force/a/gain', -3.5, True), ('rotation/x', 3.5, True),
-        ('link_force/a/gain', 2.5, False), ('link_force/a/zero', 40.0, False),
-        ('roller.rolling_resistance', 3.5, True), ('roller.rolling_resistance', 2.5, False),
-        ('roller.contact_stiffness_n_m', 3.5, False),  # no cause's tolerance
+        ('link_force/a/gain', -3.5, True, False), ('rotation/x', 3.5, True, False),
+        ('link_force/a/gain', 2.5, False, False), ('link_force/a/zero', 40.0, False, False),
+        ('roller.rolling_resistance', 3.5, False, True),
+        ('roller.rolling_resistance', 2.5, False, False),
+        ('roller.contact_stiffness_n_m', 3.5, False, False),  # no cause's tolerance
     ],
 )  # fmt: skip
-def test_an_instrument_beyond_its_tolerance_is_told(name, size, is_stretched):
+def test_what_is_beyond_its_tolerance_is_told(name, size, is_stretched, is_used_up):
     nuisance = SimpleNamespace(names=('course', name, 'effect/2'))
     stage = SimpleNamespace(nuisance=nuisance)
     # a tolerance is turned in the run, and fitted beyond that
@@ -68,3 +69,4 @@ def test_an_instrument_beyond_its_tolerance_is_told(name, size, is_stretched):
         )
         held = SimpleNamespace(stage=stage, fitted=fitted)
         assert unexplained.is_stretched(held) is is_stretched
+        assert unexplained.is_used_up(held) is is_used_up

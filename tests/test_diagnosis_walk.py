@@ -42,12 +42,14 @@ def walked(monkeypatch):
         is_open=True,
         excess=2e4,
         is_stretched=False,
+        is_used_up=False,
         explained=1.0,
         fell=inf,
     ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(module, 'is_open', lambda *_: is_open)
         monkeypatch.setattr(module, 'is_stretched', lambda _: is_stretched)
+        monkeypatch.setattr(module, 'is_used_up', lambda _: is_used_up)
         monkeypatch.setattr(module, 'excess_of', lambda *_: excess)
         monkeypatch.setattr(module, 'explained_by', lambda *_: explained)
         monkeypatch.setattr(module, 'fell_by', lambda *_: fell() if callable(fell) else fell)
@@ -98,6 +100,16 @@ def test_one_gauge_creeps_once(walked):
     again = replace(drift, parameters={'strain': -1e-6, 'curvature': 1.0}, gain=300.0)
     other = replace(drift, location={'link': 'left_b'}, gain=200.0)
     assert walked(lambda *_: [drift, again, other]) == [drift, other]
+
+
+@pytest.mark.parametrize(('is_open', 'rounds'), [(False, 2), (True, 1)])
+def test_what_a_tolerance_hides_is_sought_where_nothing_is_open(walked, is_open, rounds):
+    """A gauge that creeps, and rollers that roll six tolerances too hard."""
+    creep = Proposal('gauge_drift', {'link': 'left_b'}, {'strain': 9e-6, 'curvature': 3.5}, 9e3)
+    rolling = Proposal('rolling_resistance', {}, {'factor': 1.6}, 220.0)
+    given = iter([[creep], [rolling], []])
+    found = walked(lambda *_: next(given), is_open=is_open, is_used_up=True, excess=20.0)
+    assert found == [creep, rolling][:rounds]
 
 
 @pytest.mark.parametrize('is_stretched', [True, False])

@@ -1,5 +1,6 @@
 """What no cause accounts for: whether it is beyond the twin's own error, and what it is like."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,19 +86,28 @@ def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
 
 
 def is_stretched(place: Beside) -> bool:
-    """Tell whether a tolerance of a cause, or an instrument's nuisance, is fitted larger than a good one is.
+    """Tell whether an instrument's nuisance is fitted larger than a good instrument has it.
 
-    A gauge's gain hardly resists: 20 of its tolerances cost less than the remainder that they hide. Nor do
-    rolling resistance, springs, preload and landings beside what was found: six of them cost 36 of chi squared, and
-    nothing is open.
+    A gauge's gain hardly resists: 20 of its tolerances cost less than the remainder that they hide.
     """
+    return _beyond(place, lambda name: name.endswith('/gain') or name.startswith('rotation/'))
+
+
+def is_used_up(place: Beside) -> bool:
+    """Tell whether a tolerance that a cause stands for is fitted larger than a good machine has it.
+
+    Rolling resistance, springs, preload and landings resist as little: six of their tolerances cost 36 of chi
+    squared, and beside what was found nothing is open.
+    """
+    return _beyond(place, STAND_FOR.__contains__)
+
+
+def _beyond(place: Beside, held: Callable[[str], bool]) -> bool:
     names = place.stage.nuisance.names
-    held = [
-        name.endswith('/gain') or name.startswith('rotation/') or name in STAND_FOR
-        for name in names
-    ]
+    chosen = np.array([held(name) for name in names], bool)
+    # what the run holds of a tolerance already, and what is fitted beyond that
     whole = np.abs(place.fitted.sizes + place.fitted.offset)[: len(names)]
-    return bool((whole[held[: len(whole)]] > EFFECT_TOLERANCES).any())
+    return bool((whole[chosen[: len(whole)]] > EFFECT_TOLERANCES).any())
 
 
 def excess_of(place: Beside, floor: Floor, shaken: bool = False) -> float:

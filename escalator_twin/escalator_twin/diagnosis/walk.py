@@ -30,6 +30,7 @@ from escalator_twin.diagnosis.unexplained import (
     fell_by,
     is_open,
     is_stretched,
+    is_used_up,
     LEAST_EXPLAINED,
 )
 from escalator_twin.diagnosis.verdict import (
@@ -142,14 +143,15 @@ def walk(
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     for _ in range(MOST_ROUNDS):
-        stretched = is_stretched(place)
-        is_left = is_open(place, context.floor) or stretched
+        opened = is_open(place, context.floor)
+        # what is hidden in a tolerance or in an instrument's nuisance is not in what is above a good machine's
+        hidden = is_stretched(place) or (not opened and is_used_up(place))
+        is_left = opened or hidden
         if len(found) == MOST_EFFECTS or (found and not is_left):
             break
         known = [*start, *(f.proposal for f in found)]
         excess = excess_of(place, context.floor)
-        # what an instrument's nuisance hides is not in what is above a good machine's
-        most = _Most(inf, inf) if stretched else _Most.of(place, context.floor)
+        most = _Most(inf, inf) if hidden else _Most.of(place, context.floor)
         may_stand = partial(_may_stand, found=found, excess=excess, most=most)
         proposals = [
             p for p in bench.propose(context, place, jobs) if not _is_known_fault(p, known)
@@ -171,7 +173,7 @@ def walk(
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
         whole = _Whole.of(before, place, context.floor, MOST_EFFECTS - 1 - len(found))
-        if stretched or not all(of_machine(f.proposal) for f in found):
+        if hidden or not all(of_machine(f.proposal) for f in found):
             whole = replace(
                 whole, fell=inf
             )  # an instrument's fault is counted beside a good instrument
