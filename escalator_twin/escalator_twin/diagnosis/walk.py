@@ -173,7 +173,7 @@ def walk(
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
         whole = _Whole.of(before, place, context.floor, MOST_EFFECTS - 1 - len(found))
-        if hidden or not all(of_machine(f.proposal) for f in found):
+        if not all(of_machine(f.proposal) for f in found):
             whole = replace(
                 whole, fell=inf
             )  # an instrument's fault is counted beside a good instrument
