@@ -7,6 +7,7 @@ with its machine stays in it, so that a labelled recording becomes one with two 
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 import json
 from pathlib import Path
 import random
@@ -25,7 +26,8 @@ sys.path.append(str(ROOT / 'tests'))  # of the generator
 from rig.bagfile import write_bag
 from rig.catalogue import draw_effect, KINDS, SHARES
 from rig.faults import FAULTS
-from rig.graft import graft, read_recording
+from rig.graft import graft
+from rig.measured import read_recording
 
 
 def draw_grafts(
@@ -56,12 +58,7 @@ def write_grafts(
         effect = draw_effect(rng, cause, SHARES[size] if KINDS[cause].has_size else 1.0)
         name = f'machine_{k:03d}_0'
         write_bag(graft(read_recording(bag), effect, rng), out / name)
-        laid = {
-            'cause': effect.cause,
-            'location': effect.location,
-            'parameters': effect.parameters,
-        }
-        truth = {'bag': bag.name, 'size': size, 'effects': [*labels[bag.name], laid]}
+        truth = {'bag': bag.name, 'size': size, 'effects': [*labels[bag.name], asdict(effect)]}
         (out / 'truth' / f'{name}.json').write_text(json.dumps(truth) + '\n')
         rows.append({'name': f'machine_{k:03d}', 'recordings': [name]})
     manifest = {'schema': 'rig/manifest/1', 'seed': seed, 'machines': rows}

@@ -9,7 +9,8 @@ import pytest
 from rig.bagfile import Recording, Series, write_bag
 from rig.catalogue import draw_effect
 from rig.faults import FAULTS
-from rig.graft import graft, read_recording
+from rig.graft import graft
+from rig.measured import read_recording
 
 from benchmarks import grafted
 

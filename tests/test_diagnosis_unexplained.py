@@ -70,3 +70,4 @@ def test_what_is_beyond_its_tolerance_is_told(name, size, is_stretched, is_used_
         held = SimpleNamespace(stage=stage, fitted=fitted)
         assert unexplained.is_stretched(held) is is_stretched
         assert unexplained.is_used_up(held) is is_used_up
+        assert not unexplained.is_used_up(held, {name})  # an accepted effect stands for it

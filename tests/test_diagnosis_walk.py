@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from escalator_twin.diagnosis import bounds
 from escalator_twin.diagnosis import walk as module
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -47,12 +48,12 @@ def walked(monkeypatch):
         fell=inf,
     ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
-        monkeypatch.setattr(module, 'is_open', lambda *_: is_open)
-        monkeypatch.setattr(module, 'is_stretched', lambda _: is_stretched)
-        monkeypatch.setattr(module, 'is_used_up', lambda _: is_used_up)
-        monkeypatch.setattr(module, 'excess_of', lambda *_: excess)
+        monkeypatch.setattr(bounds, 'is_open', lambda *_: is_open)
+        monkeypatch.setattr(bounds, 'is_stretched', lambda _: is_stretched)
+        monkeypatch.setattr(bounds, 'is_used_up', lambda *_: is_used_up)
+        monkeypatch.setattr(bounds, 'excess_of', lambda *_: excess)
         monkeypatch.setattr(module, 'explained_by', lambda *_: explained)
-        monkeypatch.setattr(module, 'fell_by', lambda *_: fell() if callable(fell) else fell)
+        monkeypatch.setattr(bounds, 'fell_by', lambda *_: fell() if callable(fell) else fell)
         monkeypatch.setattr(module, 'may_hide', lambda *_: False)
         bench = Bench(
             propose, attempt, again, lambda place, _: place, lambda *_: None, lambda *_: {}

@@ -6,66 +6,19 @@ was recorded, zeros, noise and resolution included.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
-from rig.bagfile import NS, Recording, Series
+from rig.bagfile import Recording, Series
 from rig.faults import AXES, FAULTS
 from rig.instruments import LINKS
 from rig.make import Effect
-from rig.measured import ROW_OF
 from rig.recording import kept, Signals
 
 STRAIN = '/measured/link/{}/strain'
 IMU_TOPIC = '/measured/step/acceleration'
 REFLEX = '/measured/tensioner/displacement'
-
-
-def read_recording(path: Path) -> Recording:
-    """Read a rosbag2 directory with the prototype's topics as it was recorded."""
-    rows: dict[str, list] = {}
-    kinds: dict[str, tuple[str, str]] = {}
-    head = None
-    with AnyReader([path]) as reader:
-        for connection, bag_ns, raw in reader.messages():
-            message = reader.deserialize(raw, connection.msgtype)
-            if connection.msgtype == 'escalator_msgs/msg/Experiment':
-                head = message
-                continue
-            read = ROW_OF.get(connection.msgtype)
-            if read is None:  # something beside the instruments
-                continue
-            stamp = message.header.stamp
-            kinds[connection.topic] = (connection.msgtype, message.header.frame_id)
-            rows.setdefault(connection.topic, []).append(
-                (stamp.sec * NS + stamp.nanosec, bag_ns, np.atleast_1d(read(message)))
-            )
-    if head is None:
-        raise ValueError(f'{path}: no message on an experiment topic')
-    series = []
-    for topic, taken in rows.items():
-        stamp_ns, bag_ns, values = zip(*taken, strict=True)
-        series.append(
-            Series(
-                topic,
-                *kinds[topic],
-                np.array(stamp_ns, np.int64),
-                np.array(bag_ns, np.int64),
-                np.array(values, float),
-            )
-        )
-    return Recording(
-        head.header.stamp.sec * NS + head.header.stamp.nanosec,
-        head.case_id,
-        head.set_speed,
-        int(head.direction),
-        head.load_per_step,
-        head.preload,
-        tuple(series),
-    )
 
 
 def signals_of(series: dict[str, Series]) -> Signals:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from rig.bagfile import IMU, NS
+from rig.bagfile import IMU, NS, Recording, Series
 from rig.instruments import JITTER_S, LATENCY_S, LINKS
 from rig.machine import Case
 from rig.sheet import Sheet
@@ -45,55 +45,72 @@ class Measured:
     acceleration: FloatArray
 
 
-def on_recorder_clock(stamp_ns: list[int], bag_ns: list[int], origin_ns: int) -> FloatArray:
+def on_recorder_clock(series: Series, origin_ns: int) -> FloatArray:
     """Return when the samples were taken (s), by a straight line from stamps to bag times."""
-    stamp = np.array(stamp_ns, np.int64)
-    own = (stamp - stamp[0]) * 1e-9
-    late = (np.array(bag_ns, np.int64) - stamp) * 1e-9
+    own = (series.stamp_ns - series.stamp_ns[0]) * 1e-9
+    late = (series.bag_ns - series.stamp_ns) * 1e-9
     line = np.polynomial.Polynomial.fit(own, late, 1)
-    return (stamp - origin_ns) * 1e-9 + line(own) - MEAN_LATENCY_S
+    return (series.stamp_ns - origin_ns) * 1e-9 + line(own) - MEAN_LATENCY_S
 
 
-def read_measured(path: Path) -> Measured:
-    """Read a rosbag2 directory with the prototype's topics."""
-    stamps: dict[str, list[int]] = {}
-    bags: dict[str, list[int]] = {}
-    values: dict[str, list] = {}
-    case = None
+def read_recording(path: Path) -> Recording:
+    """Read a rosbag2 directory with the prototype's topics as it was recorded."""
+    rows: dict[str, list] = {}
+    kinds: dict[str, tuple[str, str]] = {}
+    head = None
     with AnyReader([path]) as reader:
         for connection, bag_ns, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
-            name = connection.topic.removeprefix('/').partition('/')[2]  # measured or simulated
-            if name == 'experiment':
-                case = Case(
-                    message.set_speed,
-                    int(message.direction),
-                    message.load_per_step,
-                    message.preload,
-                )
+            if connection.msgtype == 'escalator_msgs/msg/Experiment':
+                head = message
                 continue
             read = ROW_OF.get(connection.msgtype)
             if read is None:  # something beside the instruments
                 continue
-            row = read(message)
             stamp = message.header.stamp
-            stamps.setdefault(name, []).append(stamp.sec * NS + stamp.nanosec)
-            bags.setdefault(name, []).append(bag_ns)
-            values.setdefault(name, []).append(row)
-    if case is None:
+            kinds[connection.topic] = (connection.msgtype, message.header.frame_id)
+            rows.setdefault(connection.topic, []).append(
+                (stamp.sec * NS + stamp.nanosec, bag_ns, np.atleast_1d(read(message)))
+            )
+    if head is None:
         raise ValueError(f'{path}: no message on an experiment topic')
-    origin = stamps['tensioner/displacement'][0]
-    one = 'link/left_a/strain'
+    series = []
+    for topic, taken in rows.items():
+        stamp_ns, bag_ns, values = zip(*taken, strict=True)
+        series.append(
+            Series(
+                topic,
+                *kinds[topic],
+                np.array(stamp_ns, np.int64),
+                np.array(bag_ns, np.int64),
+                np.array(values, float),
+            )
+        )
+    return Recording(
+        head.header.stamp.sec * NS + head.header.stamp.nanosec,
+        head.case_id,
+        head.set_speed,
+        int(head.direction),
+        head.load_per_step,
+        head.preload,
+        tuple(series),
+    )
+
+
+def read_measured(path: Path) -> Measured:
+    """Read a rosbag2 directory with the prototype's topics into quantities."""
+    recording = read_recording(path)
+    of = {one.topic.removeprefix('/').partition('/')[2]: one for one in recording.series}
+    strain = [of[f'link/{link}/strain'] for link in LINKS]
+    ground = of['tensioner/displacement']
+    origin = ground.stamp_ns[0]
     section = Sheet().section_stiffness_n
-    force = [section * np.mean(values[f'link/{link}/strain'], axis=1) for link in LINKS]
     return Measured(
         path.name,
-        case,
-        on_recorder_clock(stamps[one], bags[one], origin),
-        on_recorder_clock(
-            stamps['tensioner/displacement'], bags['tensioner/displacement'], origin
-        ),
-        np.stack(force),
-        np.array(values['tensioner/displacement']),
-        np.array(values['step/acceleration']).T,
+        Case(recording.set_speed_m_s, recording.direction, recording.load_kg, recording.preload_n),
+        on_recorder_clock(strain[0], origin),
+        on_recorder_clock(ground, origin),
+        np.stack([section * one.values.mean(axis=1) for one in strain]),
+        ground.values[:, 0],
+        of['step/acceleration'].values.T,
     )

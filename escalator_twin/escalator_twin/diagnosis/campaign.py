@@ -20,8 +20,8 @@ from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.speeds import Law, LEAST_RISE
-from escalator_twin.diagnosis.telling import LAW_ERROR, told, told_fault
-from escalator_twin.diagnosis.verdict import ALIKE, neutral_of
+from escalator_twin.diagnosis.telling import told, told_fault
+from escalator_twin.diagnosis.verdict import ALIKE, LAW_ERROR, neutral_of
 from escalator_twin.signals import Experiment, Floats
 
 SCOUTS = 4

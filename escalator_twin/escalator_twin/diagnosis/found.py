@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.unexplained import LEAST_EXPLAINED
-from escalator_twin.diagnosis.verdict import Weighed
+from escalator_twin.diagnosis.verdict import LAW_ERROR, Weighed
 
 # An accepted law is never quite the machine's: what it leaves looks like a smaller effect. A further
 # effect must explain more than these shares of what the others did; more among causes that act
@@ -15,10 +15,9 @@ from escalator_twin.diagnosis.verdict import Weighed
 SHARE_OF_FIRST = 0.01
 SHARE_OF_KIN = 0.3
 CLOSES = 0.5
-# Of what the others did: what an effect of other kin that closes most of what is left explains at least. A fitted
-# law's own error is 2 % of its size (`LAW_ERROR`), and so much of its amplitude squared; and what the searches of
-# good machines' remainders find, some hundred of chi squared, is none.
-SHARE_OF_CLOSING = 0.02**2
+# Of what the others did: what an effect of other kin that closes most of what is left explains at least, an amplitude of
+# a law's own error; and of chi squared: a search is not worth less (time, not measured).
+SHARE_OF_CLOSING = LAW_ERROR**2
 LEAST_CLOSING = 300.0
 # A further effect is taken to explain no more than so many times what was found. The strongest comes first,
 # but it may be fitted in a hollow, and be found again where it belongs.

@@ -17,13 +17,13 @@ from escalator_twin.diagnosis.verdict import (
     ALIKE,
     EFFECT_TOLERANCES,
     FAR_SIZE,
+    LAW_ERROR,
     size_in_references,
     size_in_tolerances,
     Weighed,
 )
 from escalator_twin.diagnosis.walk import ACCEPT, Walked
 
-LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
 # that is further off; from recordings of development (seed 75001). A ripple's length was 3.8, 3.2 and 0.2 parts in
 # ten thousand off in three recordings (seeds 141101 and 151101, and another maker's), five of the fit's standard

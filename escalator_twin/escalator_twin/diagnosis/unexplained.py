@@ -1,6 +1,6 @@
 """What no cause accounts for: whether it is beyond the twin's own error, and what it is like."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,13 +93,13 @@ def is_stretched(place: Beside) -> bool:
     return _beyond(place, lambda name: name.endswith('/gain') or name.startswith('rotation/'))
 
 
-def is_used_up(place: Beside) -> bool:
+def is_used_up(place: Beside, but: Container[str] = ()) -> bool:
     """Tell whether a tolerance that a cause stands for is fitted larger than a good machine has it.
 
     Rolling resistance, springs, preload and landings resist as little: six of their tolerances cost 36 of chi
-    squared, and beside what was found nothing is open.
+    squared, and beside what was found nothing is open. ``but`` holds those that accepted effects stand for.
     """
-    return _beyond(place, STAND_FOR.__contains__)
+    return _beyond(place, lambda name: name in STAND_FOR and name not in but)
 
 
 def _beyond(place: Beside, held: Callable[[str], bool]) -> bool:

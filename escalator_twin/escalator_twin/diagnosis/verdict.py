@@ -28,6 +28,7 @@ PRIOR_BEYOND = 4.0
 # reference and asks for a third of it; twice is the most that the generator draws.
 FAR_SIZE = 3.0
 FAR_OUT = 300.0  # a square that no good instrument comes near, however many numbers it has
+LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 ALIKE = 3.0  # nats within which two causes cannot be told apart
 
 

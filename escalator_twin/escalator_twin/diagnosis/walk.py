@@ -2,19 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from math import inf
 
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
+from escalator_twin.diagnosis.bounds import Bounds, HOPE
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
-from escalator_twin.diagnosis.floor import Floor, SHAKING
 from escalator_twin.diagnosis.found import (
     Found,
-    FURTHER,
     is_in_vain,
-    is_left_over,
     ONE_GAUGE,
 )
 from escalator_twin.diagnosis.free import freed, of_machine
@@ -25,13 +21,8 @@ from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
-    excess_of,
     explained_by,
-    fell_by,
     is_open,
-    is_stretched,
-    is_used_up,
-    LEAST_EXPLAINED,
 )
 from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
@@ -50,10 +41,6 @@ OF_ONE_CAUSE = 2
 WORTH = 0.35  # of the best proposal's gain, from which a proposal is simulated
 LEAST_GAIN = 25.0  # of chi squared: below it nothing is simulated
 ACCEPT = 0.5  # probability from which an effect is accepted and taken out before the next round
-HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
-# Times what is above a good machine's: what a further effect explains at most, noise that it fits with it.
-BEYOND = 2.0
-FITTED = 2.0  # times the gain of one run: what fitting it with the tolerances may make of it
 
 Say = Callable[[str], None]
 
@@ -143,47 +130,40 @@ def walk(
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     for _ in range(MOST_ROUNDS):
-        opened = is_open(place, context.floor)
-        # what is hidden in a tolerance or in an instrument's nuisance is not in what is above a good machine's
-        hidden = is_stretched(place) or (not opened and is_used_up(place))
-        is_left = opened or hidden
+        bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
+        is_left = bounds.is_open or bounds.is_hidden
         if len(found) == MOST_EFFECTS or (found and not is_left):
             break
         known = [*start, *(f.proposal for f in found)]
-        excess = excess_of(place, context.floor)
-        most = _Most(inf, inf) if hidden else _Most.of(place, context.floor)
-        may_stand = partial(_may_stand, found=found, excess=excess, most=most)
         proposals = [
             p for p in bench.propose(context, place, jobs) if not _is_known_fault(p, known)
         ]
         afar = None
-        if may_hide(place, context.floor, known) and not is_left_over(
-            '', most.quiet, found, excess
-        ):
+        hides_more = not bounds.is_left_over('', bounds.most())
+        if hides_more and may_hide(place, context.floor, known):
             afar = look_afar(context, jobs, known)
         if afar is not None:
             edges = at_the_edge(afar.proposals, place)[:MOST_EDGES]
             afar = replace(afar, proposals=choose(afar.proposals), edges=edges)
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
-        if not any(may_stand(p) for p in sought_all):
+        if not any(bounds.may_stand(p) for p in sought_all):
             weighed = weigh(_candidates(proposals, []))
             break
-        chosen = [p for p in choose(proposals) if may_stand(p) and not _is_hopeless(p, proposals)]
+        chosen = [
+            p for p in choose(proposals) if bounds.may_stand(p) and not _is_hopeless(p, proposals)
+        ]
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
-        whole = _Whole.of(before, place, context.floor, MOST_EFFECTS - 1 - len(found))
-        if not all(of_machine(f.proposal) for f in found):
-            whole = replace(
-                whole, fell=inf
-            )  # an instrument's fault is counted beside a good instrument
-        worth = partial(_is_worth_fitting, found=found, excess=excess, whole=whole)
-        tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
+        tried = bench.attempt(context, place, known, chosen, jobs, afar, bounds.is_worth_fitting)
         weighed = weigh(_candidates(proposals, tried))
         if weighed and _is_unrun(weighed[0], tried):
             # what was not chosen leads once those that were are no effects: nothing is named unrun
             alone = [weighed[0].proposal]
-            tried = [*tried, *bench.attempt(context, place, known, alone, jobs, None, worth)]
+            tried = [
+                *tried,
+                *bench.attempt(context, place, known, alone, jobs, None, bounds.is_worth_fitting),
+            ]
             weighed = weigh(_candidates(proposals, tried))
             weighed = [w for w in weighed if not _is_unrun(w, tried)]
         if say is not None:
@@ -192,10 +172,13 @@ def walk(
                     f'{row.proposal.cause} {row.proposal.location} gain {row.gain:.1f} '
                     f'p {row.probability:.3f}'
                 )
-        if not weighed or weighed[0].probability < ACCEPT or _is_rest(weighed[0], found, excess):
+        if not weighed or weighed[0].probability < ACCEPT:
             break
         top = weighed[0]
-        if of_machine(top.proposal) and whole.is_in_vain(top.proposal.cause, top.gain):
+        cause = top.proposal.cause
+        if bounds.is_left_over(cause, top.gain):
+            break
+        if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
         match = next((t for t in tried if t.proposal is top.proposal), None)
         sd = match.sd if match is not None else dict(top.proposal.sd)
@@ -279,76 +262,6 @@ def _is_hopeless(proposal: Proposal, proposals: Sequence[Proposal]) -> bool:
     """Tell whether one gauge's fault explains more than fitting can make of a proposal."""
     best = max((p.gain for p in proposals if p.cause in ONE_GAUGE), default=0.0)
     return HOPE * proposal.gain < best and proposal.nuisance is None
-
-
-def _is_rest(top: Weighed, found: Sequence[Found], excess: float) -> bool:
-    return is_left_over(top.proposal.cause, top.gain, found, excess)
-
-
-@dataclass(frozen=True)
-class _Most:
-    """What a further effect of the machine explains at most: in quiet channels, and where rattling shakes."""
-
-    quiet: float
-    shaken: float
-
-    @classmethod
-    def of(cls, place: Beside, floor: Floor) -> '_Most':
-        return cls(*(BEYOND * excess_of(place, floor, shaken) for shaken in (False, True)))
-
-    def by(self, cause: str) -> float:
-        return self.quiet + (self.shaken if cause in SHAKING else 0.0)
-
-
-@dataclass(frozen=True)
-class _Whole:
-    """How much of a recording has to be explained before anything is named.
-
-    Attributes
-    ----------
-    fell : float
-        Chi squared that was explained so far.
-    quiet, shaken : float
-        What is above a good machine's: in quiet channels, and where rattling shakes.
-    further : int
-        Effects that may be found after this round's.
-    """
-
-    fell: float
-    quiet: float
-    shaken: float
-    further: int
-
-    @classmethod
-    def of(cls, before: Beside, place: Beside, floor: Floor, further: int) -> '_Whole':
-        quiet, shaken = (excess_of(place, floor, shaken) for shaken in (False, True))
-        return cls(fell_by(before, place), quiet, shaken, further)
-
-    def is_in_vain(self, cause: str, gain: float) -> bool:
-        """Tell whether this round's best and all that may follow leave nearly all open.
-
-        What follows explains no more than `FURTHER` times this round's best, which comes first for being the
-        strongest; names that leave so much open are not told.
-        """
-        total = self.fell + self.quiet + (self.shaken if cause in SHAKING else 0.0)
-        return self.fell + (1.0 + FURTHER * self.further) * gain < LEAST_EXPLAINED * total
-
-
-def _may_stand(proposal: Proposal, found: Sequence[Found], excess: float, most: _Most) -> bool:
-    """Tell whether a proposal may, fitted, be more than what the accepted laws leave."""
-    gain = HOPE * proposal.gain
-    if of_machine(proposal):
-        gain = min(gain, most.by(proposal.cause))
-    return not is_left_over(proposal.cause, gain, found, excess)
-
-
-def _is_worth_fitting(
-    cause: str, gain: float, found: Sequence[Found], excess: float, whole: _Whole
-) -> bool:
-    """Tell whether an effect that was run once may, fitted with all else, still be named."""
-    if whole.is_in_vain(cause, FITTED * gain):
-        return False
-    return not is_left_over(cause, FITTED * gain, found, excess)
 
 
 def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
