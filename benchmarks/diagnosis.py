@@ -186,7 +186,7 @@ def main() -> int:
     if not (given.keep and (out / 'manifest.json').exists()):
         plans = draw_set(given.seed, given.n, clean, unlisted, given.causes, given.sizes)
         with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON
-            write_hidden(plans, given.seed, out, given.jobs)
+            write_hidden(plans[: given.most], given.seed, out, given.jobs)
     bags = recordings(out)[: given.most]
     spent = []
     for row in diagnose_all(
