@@ -195,6 +195,31 @@ def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_name
     assert (rows[0][1] >= diagnose.NAMED) == is_named
 
 
+@pytest.mark.parametrize(
+    ('factor', 'expected'),
+    [
+        (5.7, {'gauge_gain'}),
+        (0.7, {'tensioner_stiffness', 'guide_step', 'gauge_gain'}),
+    ],
+)
+def test_beside_a_law_that_is_not_believed_no_smaller_one_of_the_machine_is(
+    named, factor, expected
+):
+    # a spring that stiffens with its travel (seed 181101, number 12) was fitted as one 5.7 times as stiff, and
+    # what that left as a step of the rail
+    spring = Proposal('tensioner_stiffness', {}, {'factor': factor}, 0.0)
+    step = Proposal('guide_step', {'s_m': 0.455}, {'height_m': 8e-4}, 0.0)
+    effects = (
+        Found(spring, 0.99, {}, 93_903.0, ()), Found(step, 0.99, {}, 4_305.0, ()), GAUGE,
+    )  # fmt: skip
+    assert named(effects=effects) == expected
+
+
+def test_what_is_stronger_than_a_law_that_is_not_believed_stays_named(named):
+    spring = Proposal('tensioner_stiffness', {}, {'factor': 5.7}, 0.0)
+    assert named(effects=(FRICTION, Found(spring, 0.99, {}, 900.0, ()))) == {'tensioner_friction'}
+
+
 @pytest.mark.parametrize(('probability', 'is_left'), [(0.9, False), (0.45, True)])
 def test_what_a_law_fits_that_is_not_believed_is_unexplained(monkeypatch, probability, is_left):
     monkeypatch.setattr(diagnose, 'look', lambda _, before, after: (before, after))

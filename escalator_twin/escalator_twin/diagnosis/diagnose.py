@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -187,6 +188,11 @@ def _has_other_gauges(machine: Machine) -> bool:
     return sum(s.quantity == 'link_force' for s in machine.instruments.sensors) > 1
 
 
+def _is_far_out(found: Found) -> bool:
+    """Tell whether an effect of the machine is larger than its law is known to hold."""
+    return of_machine(found.proposal) and size_in_references(found.proposal) > FAR_SIZE
+
+
 def settle(
     context: Context, walked: Walked, rest: Unexplained, seed: int, bench: Bench = LINKED
 ) -> tuple[list[tuple[Found, float]], HeldOut | None]:
@@ -217,14 +223,16 @@ def settle(
         factor *= 0.95  # no second look
     largest = max(found.gain for found in walked.found)
     alone = ONE_GAUGE if _has_other_gauges(context.machine) else ()
+    farthest = max((found.gain for found in walked.found if _is_far_out(found)), default=-inf)
     named = []
     for found in walked.found:
         small = found.gain < SMALL * largest and found.proposal.cause not in alone
         # beside a larger remainder that nothing explains, a small further effect may be a part of it
         is_part = found.gain < rest.beside(found.proposal.cause)
         doubt = DOUBT if small and rest.significant and is_part else 1.0
-        # nothing is left, but so far out something else may act like this law; a gauge's is exact
-        if of_machine(found.proposal) and size_in_references(found.proposal) > FAR_SIZE:
+        # nothing is left, but so far out something else may act like this law, or like it and what it leaves
+        # beside it; a gauge's is exact
+        if of_machine(found.proposal) and farthest >= found.gain:
             doubt *= DOUBT
         named.append((found, found.probability * factor * doubt))
     return named, held
