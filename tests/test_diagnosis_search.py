@@ -1,12 +1,16 @@
 """What the searches propose, and of how many places."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from escalator_twin.diagnosis import search_treads
 from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.search import Search, search_all, WORTH
 from escalator_twin.diagnosis.search_more import drive_waves
 from escalator_twin.diagnosis.search_places import drags
 
@@ -79,3 +83,51 @@ def test_a_wave_of_the_drive_is_found_and_a_good_drive_has_one(direction):
     hunting = max((p for p in found if p.cause == 'drive_hunting'), key=lambda p: p.gain)
     assert hunting.parameters['frequency_hz'] == pytest.approx(0.4, abs=3e-3)
     assert hunting.parameters['relative_amplitude'] == pytest.approx(amplitude, rel=0.1)
+
+
+def test_what_runs_the_twin_is_told_what_others_propose():
+    told = []
+
+    def cheap(search):
+        told.append(search.least)
+        yield Proposal('roller_drag', {}, {'force_N': 120.0}, 5_000.0)
+        # a gauge's fault stands beside causes of the machine: it makes none of them hopeless
+        yield Proposal('gauge_gain', {}, {'factor': 1.1}, 90_000.0)
+
+    def costly(search):
+        told.append(search.least)
+        yield Proposal('roller_flat', {}, {'depth_m': 6e-4}, 7_000.0)
+
+    search = Search(None, None, None, None)
+    found = search_all(search, (cheap,), (costly,))
+    assert [p.cause for p in found] == ['gauge_gain', 'roller_flat', 'roller_drag']
+    assert told == [0.0, WORTH * 5_000.0]
+
+
+@pytest.mark.parametrize(
+    ('others', 'left', 'is_looked_for'),
+    [
+        (0.0, 1e4, True),
+        (0.9, 1e4, True),
+        (1.1, 1e4, False),
+        (0.0, 201.0, True),
+        (0.0, 199.0, False),
+    ],
+)
+def test_a_spot_that_would_not_be_run_is_not_looked_for(monkeypatch, others, left, is_looked_for):
+    # nor where the eccentricity explains more than a spot's first order could
+    class LookedError(Exception):
+        pass
+
+    def look(*_):
+        raise LookedError
+
+    first = Proposal('roller_eccentricity', {'axle': 3}, {'amplitude_m': 1e-5}, 20.0)
+    monkeypatch.setattr(search_treads, 'eccentric', lambda _: [first])
+    monkeypatch.setattr(search_treads, 'turn_all', look)
+    search = Search(
+        None, SimpleNamespace(chi2=left), SimpleNamespace(machine=None, setting=SimpleNamespace(experiment=None),
+        knobs=(), turned={}), None, least=others * 20.0 * search_treads.FLAT_MOST,
+    )  # fmt: skip
+    with pytest.raises(LookedError) if is_looked_for else nullcontext():
+        assert not list(search_treads.flats(search))

@@ -9,6 +9,7 @@ from escalator_twin.diagnosis.search_treads import eccentric, flats
 from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 
 FAMILIES: tuple[Family, ...] = (
-    whole, tolerances, far, indexed, loads, drags, eccentric, flats, stops, gains,
-    rail_steps, drive_waves, frame_bounce,
+    whole, tolerances, far, indexed, loads, drags, eccentric, stops, gains, drive_waves,
+    frame_bounce,
 )  # fmt: skip
+COSTLY: tuple[Family, ...] = (flats, rail_steps)

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.stage import Stage
@@ -15,6 +16,7 @@ from escalator_twin.signals import Floats
 
 SIDES = ('left', 'right')
 KEEP = 4  # places of one cause that go on to be simulated
+WORTH = 0.35  # of the best proposal's gain, from which a proposal is simulated
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class Search:
         Simulations at a time.
     is_open : bool
         More is left than in a good machine: searches that cost much are worth it.
+    least : float
+        Gain below which a proposal will not be simulated, by what is proposed already.
     """
 
     view: View
@@ -41,6 +45,7 @@ class Search:
     model: Floats
     jobs: int = 1
     is_open: bool = True
+    least: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,9 +81,25 @@ def wrapped(angle: float) -> float:
     return float((angle + pi) % (2.0 * pi) - pi)
 
 
-def search_all(search: Search, families: Sequence[Family]) -> list[Proposal]:
-    """Return what some families propose, best first."""
+def search_all(
+    search: Search, families: Sequence[Family], costly: Sequence[Family] = ()
+) -> list[Proposal]:
+    """Return what some families propose, best first.
+
+    Parameters
+    ----------
+    search : Search
+    families : sequence of Family
+    costly : sequence of Family
+        Those that run the twin: they are told what the others propose, and may leave it at that.
+    """
+    found = _in_parallel(search, families)
+    most = max((p.gain for p in found if of_machine(p)), default=0.0)
+    found += _in_parallel(replace(search, least=WORTH * most), costly)
+    return sorted(found, key=lambda p: -p.gain)
+
+
+def _in_parallel(search: Search, families: Sequence[Family]) -> list[Proposal]:
     with ThreadPoolExecutor(max(1, search.jobs)) as pool:
         proposed = pool.map(lambda family: list(family(search)), families)
-        found = [proposal for proposals in proposed for proposal in proposals]
-    return sorted(found, key=lambda p: -p.gain)
+        return [proposal for proposals in proposed for proposal in proposals]

@@ -26,6 +26,7 @@ RAIL_NEAR_M = (0.0, -0.02, 0.02)
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
 RAIL_HEIGHTS_M = (TRIAL_M, -TRIAL_M, TRIAL_M / 3.0, -TRIAL_M / 3.0)
+SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
 CHUNK = 128
 
 
@@ -55,7 +56,8 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
         _rail_trial(search, s, -1.0 if sizes[round(s / RAIL_STEP_M) % len(places)] < 0.0 else 1.0)
         for s in starts
     ]
-    least = max([RAIL_OPEN, *(RAIL_CLOSE * _most(found).gain for found in trials)])
+    tried = (RAIL_CLOSE * _most(found).gain for found in trials)
+    least = max([RAIL_OPEN, search.least / SHAPED, *tried])
     for found in trials:
         if _most(found).gain >= least:
             found += _rail_shapes(search, found)

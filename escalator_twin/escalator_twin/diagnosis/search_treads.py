@@ -15,6 +15,9 @@ from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
 from escalator_twin.signals import Floats
 
 FLAT_WORTH = 10.0  # chi squared by the first order from which flat spots are looked at
+# Times what its first order explains, the least and the most that a spot does: 129, 120 and 42 at 0.25 m/s, 86 and 37 at
+# 0.5 m/s in the recordings of seeds 131101 to 181101 with a spot.
+FLAT_LEAST, FLAT_MOST = 10.0, 300.0
 SLIP = 1e-3  # at most; a quarter of a turn in a loop of the prototype is 2.5e-3
 IN_STEP_RAD = 0.7  # by which the highest order may be late at the ends
 FLAT_GRID = 180  # phases: a sixth of the highest order's wave or less
@@ -54,8 +57,9 @@ def eccentric(search: Search) -> Iterator[Proposal]:
 def flats(search: Search) -> Iterator[Proposal]:
     """Propose rollers with a flat spot: first by low orders, then by the spot's angle."""
     # at the first order a flat spot is an eccentricity: where there is none, there is no spot
-    turning = [p for p in eccentric(search) if p.gain > FLAT_WORTH]
-    if not turning or not search.is_open:
+    least, most = max(FLAT_WORTH, search.least / FLAT_MOST), search.fitted.chi2 / FLAT_LEAST
+    turning = [p for p in eccentric(search) if p.gain > least]
+    if not turning or turning[0].gain > most or not search.is_open:
         return
     stage = search.stage
     machine, experiment = turn_all(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
 from escalator_twin.diagnosis.bounds import Bounds, HOPE
 from escalator_twin.diagnosis.context import Beside, beside, Context
-from escalator_twin.diagnosis.families import FAMILIES
+from escalator_twin.diagnosis.families import COSTLY, FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
 from escalator_twin.diagnosis.found import (
     Found,
@@ -17,7 +17,7 @@ from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
-from escalator_twin.diagnosis.search import Search, search_all
+from escalator_twin.diagnosis.search import Search, search_all, WORTH
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
@@ -38,7 +38,6 @@ MOST_EFFECTS = 3
 MOST_ROUNDS = 4  # one more, for what took a later effect's place and is dropped beside it
 CONTENDERS = 4  # proposals that are simulated in a round
 OF_ONE_CAUSE = 2
-WORTH = 0.35  # of the best proposal's gain, from which a proposal is simulated
 LEAST_GAIN = 25.0  # of chi squared: below it nothing is simulated
 ACCEPT = 0.5  # probability from which an effect is accepted and taken out before the next round
 
@@ -275,7 +274,7 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     is_left = is_open(place, context.floor)
     stage = place.stage.lean(place.model)
     search = Search(view, place.fitted, stage, place.model, jobs, is_left)
-    return search_all(search, FAMILIES)
+    return search_all(search, FAMILIES, COSTLY)
 
 
 def choose(proposals: Sequence[Proposal]) -> list[Proposal]:
