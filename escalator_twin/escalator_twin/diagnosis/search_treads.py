@@ -15,8 +15,8 @@ from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
 from escalator_twin.signals import Floats
 
 FLAT_WORTH = 10.0  # chi squared by the first order from which flat spots are looked at
-# Times what its first order explains, the least and the most that a spot does: 129, 120 and 42 at 0.25 m/s, 86 and 37 at
-# 0.5 m/s in the recordings of seeds 131101 to 181101 with a spot.
+# Times what its first order explains, the least and the most that a spot does: 172, 129, 120 and 42 at 0.25 m/s, 86 and 37
+# at 0.5 m/s in the recordings of seeds 60214 and 131101 to 181101 with a spot.
 FLAT_LEAST, FLAT_MOST = 10.0, 300.0
 SLIP = 1e-3  # at most; a quarter of a turn in a loop of the prototype is 2.5e-3
 IN_STEP_RAD = 0.7  # by which the highest order may be late at the ends
