@@ -1,6 +1,7 @@
 """Treads and rails: what a search promises, the twin run with it keeps."""
 
 import json
+from math import cos, exp, pi
 from types import SimpleNamespace
 
 import pytest
@@ -78,17 +79,49 @@ def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
 @pytest.mark.issue(6)
 @pytest.mark.parametrize(
     ('at', 'height', 'wide'),
-    [(6.0, 1.5e-3, 0.065), (6.0, -1.5e-3, 0.055), (6.02, 5e-4, 0.045), (5.98, -5e-4, 0.075)],
+    [(6.0, 1.5e-3, 0.065), (6.0, -1.5e-3, 0.055), (6.02, 5e-4, 0.045), (5.97, 5e-4, 0.075)],
 )
 def test_bumps_of_either_sign_and_any_length_are_run(monkeypatch, at, height, wide):
     def bumped(_search, place, high, length):
         """Return what is the less like the bump, the farther off its shape is."""
-        off = abs(place - at) / 0.02 + abs(high - height) / 1e-3 + abs(length - wide) / 0.01
+        near = high if abs(high) > 1e-3 else abs(high)  # a low one is linear
+        off = abs(place - at) / 0.02 + abs(near - height) / 1e-3 + abs(length - wide) / 0.01
         return [Proposal('guide_step', {'s_m': place}, {'height_m': high}, 900.0 / (1.0 + off))]
 
     monkeypatch.setattr(search_rails, '_bumped', bumped)
     base = SimpleNamespace(length_m=24.0)
-    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)))
+    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
     known = [Proposal('guide_step', {'s_m': 6.0}, {'height_m': 1e-3}, 60.0)]
     found = search_rails._rail_shapes(search, known)
     assert max(p.gain for p in found) == pytest.approx(900.0)
+
+
+@pytest.mark.parametrize('begin', [23.96, 23.97, 24.0, 24.02])
+def test_a_bump_is_found_where_the_chain_rings_with_it(monkeypatch, begin):
+    def bumped(_search, place, high, _length):
+        """Return what turns over every centimetre and a half, as 14 Hz do at 0.4 m/s."""
+        off = place - 23.99
+        gain = 900.0 * max(cos(2.0 * pi * off / 0.03), 0.0) * exp(-((off / 0.04) ** 2))
+        return [Proposal('guide_step', {'s_m': place}, {'height_m': high}, 10.0 + gain)]
+
+    monkeypatch.setattr(search_rails, '_bumped', bumped)
+    base = SimpleNamespace(length_m=24.4)
+    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
+    found = search_rails._rail_trial(search, begin, 1.0)
+    found += search_rails._rail_shapes(search, found)
+    assert max(found, key=lambda p: p.gain).location['s_m'] == pytest.approx(23.99, abs=1e-6)
+
+
+@pytest.mark.parametrize('height', [1.5e-3, -1.5e-3, 5e-4])
+def test_where_rollers_rattle_a_low_bump_is_tried_as_well(monkeypatch, height):
+    def bumped(_search, place, high, _length):
+        """Return what only a bump of about this height explains, as slow and empty."""
+        return [
+            Proposal('guide_step', {'s_m': place}, {'height_m': high}, 80.0 * (high == height))
+        ]
+
+    monkeypatch.setattr(search_rails, '_bumped', bumped)
+    base = SimpleNamespace(length_m=24.4)
+    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
+    sign = -1.0 if height < 0.0 else 1.0
+    assert max(p.gain for p in search_rails._rail_trial(search, 20.0, sign)) == 80.0

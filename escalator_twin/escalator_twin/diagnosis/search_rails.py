@@ -1,6 +1,8 @@
 """Steps of the guide at a rail joint: by the step's own acceleration, then by runs."""
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 from math import pi
 
 import numpy as np
@@ -20,14 +22,17 @@ RAIL_APART_M = 0.3  # of two places
 # What the step's own acceleration leaves open, in steps that a ringing chain allows: a third of its wave of 3 cm at
 # 14 Hz and 0.4 m/s. Three centimetres apart a bump of 4 cm at 23.99 m was fitted a pitch away, at 0.002 m.
 RAIL_SHIFTS_M = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
-RAIL_LEAST = 5.0  # chi squared there, below which no shift is tried
 RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
 # The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise.
 RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
-RAIL_NEAR_M = (0.0, -0.01, 0.01)  # of the best of these
+RAIL_NEAR_M = (
+    *RAIL_SHIFTS_M,
+    -0.04,
+    0.04,
+)  # all shapes: the best place of one is no guide to another's
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
-RAIL_HEIGHTS_M = (TRIAL_M, -TRIAL_M, TRIAL_M / 3.0, -TRIAL_M / 3.0)
+LOW_M = TRIAL_M / 3.0  # linear, of either sign
 SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
 CHUNK = 128
 
@@ -110,14 +115,8 @@ def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarr
 
 
 def _rail_trial(search: Search, place: float, sign: float) -> list[Proposal]:
-    """Run bumps at a place and beside it on the left; the right side is their mirror image."""
-    length = abs(search.view.responses.base.length_m)
-    found: list[Proposal] = []
-    for shift in RAIL_SHIFTS_M:
-        if found and _most(found).gain < RAIL_LEAST:
-            break
-        found += _bumped(search, float((place + shift) % length), sign * TRIAL_M, LENGTH_M)
-    return found
+    """Run bumps of one length at a place and beside it."""
+    return _all_bumped(search, place, RAIL_SHIFTS_M, (LENGTH_M,), (sign * TRIAL_M, LOW_M))
 
 
 def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
@@ -125,14 +124,27 @@ def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
 
     What a bump does is linear in its height only as long as the rollers stay on their track.
     """
+    begin = float(str(known[0].location['s_m']))
+    return _all_bumped(search, begin, RAIL_NEAR_M, RAIL_LENGTHS_M, (TRIAL_M, -TRIAL_M, LOW_M))
+
+
+def _all_bumped(
+    search: Search,
+    begin: float,
+    shifts: Sequence[float],
+    lengths: Sequence[float],
+    heights: Sequence[float],
+) -> list[Proposal]:
+    """Propose bumps of some shapes near a place, those at the place itself first."""
     length = abs(search.view.responses.base.length_m)
-    middle = float(str(_most(known).location['s_m']))
-    found: list[Proposal] = []
-    for shift in RAIL_NEAR_M:
-        for wide in RAIL_LENGTHS_M:
-            for height in RAIL_HEIGHTS_M:
-                found += _bumped(search, float((middle + shift) % length), height, wide)
-    return found
+
+    def bumped(shape: tuple[float, float, float]) -> list[Proposal]:
+        shift, wide, height = shape
+        return _bumped(search, float((begin + shift) % length), height, wide)
+
+    with ThreadPoolExecutor(max(1, search.jobs)) as pool:
+        ran = pool.map(bumped, product(shifts, lengths, heights))
+        return [proposal for some in ran for proposal in some]
 
 
 def _bumped(search: Search, at: float, height: float, wide: float) -> list[Proposal]:
