@@ -125,3 +125,24 @@ def test_where_rollers_rattle_a_low_bump_is_tried_as_well(monkeypatch, height):
     search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
     sign = -1.0 if height < 0.0 else 1.0
     assert max(p.gain for p in search_rails._rail_trial(search, 20.0, sign)) == 80.0
+
+
+@pytest.mark.parametrize(('starts', 'at'), [([24.16, 12.0], 23.34), ([0.1], 24.0), ([6.0], 6.0)])
+def test_a_bump_that_looks_best_a_pitch_or_two_off_is_followed(starts, at):
+    length, pitch = 24.4, 0.41
+    tried = []
+
+    def trial(start):
+        """Return what is best at a place, and falls off with every pitch from there."""
+        tried.append(start)
+        off = abs((start - at + 0.5 * length) % length - 0.5 * length)
+        return [Proposal('guide_step', {'s_m': start}, {}, 100.0 * exp(-off))]
+
+    trials = search_rails._followed([trial(s) for s in starts], trial, pitch, length)
+    best = max((p for found in trials for p in found), key=lambda p: p.gain)
+    assert best.location['s_m'] == pytest.approx(at, abs=0.1)
+    assert len(tried) == len(trials) <= len(starts) + 4  # on both sides of every best one, once
+
+
+def test_nothing_is_followed_where_nothing_was_tried():
+    assert search_rails._followed([], None, 0.41, 24.4) == []

@@ -186,12 +186,21 @@ def test_where_an_effect_is_costs_what_the_data_tell_and_not_what_a_tolerance_is
     assert weigh([stretch(3.1, 1e4)])[0].probability < 0.05
 
 
-@pytest.mark.parametrize('draws', [1, 10, 98])
+@pytest.mark.parametrize('draws', [1, 10, 49, 98])
 def test_the_largest_that_a_good_machine_has_is_seldom_named(draws):
     rng = np.random.default_rng(draws)
     largest = np.abs(rng.normal(size=(4000, draws))).max(axis=1)
     named = [weigh([stretch(z, 300.0 * z**2, draws=draws)])[0].probability > 0.5 for z in largest]
     assert np.mean(named) < 0.01  # contracts.md: at most 2 %
+
+
+@pytest.mark.parametrize(
+    ('tolerances', 'gain', 'is_named'), [(5.2, 112.0, True), (3.5, 1e4, False), (5.2, 45.0, False)]
+)
+def test_a_good_machine_has_a_step_at_each_end_of_its_rails(tolerances, gain, is_named):
+    step = proposal('guide_step', {'height_m': 1e-4 * tolerances}, gain, 294, s_m=20.0)
+    step = replace(step, fitted=('height_m', '@s_m', 'length_m'), draws=49)
+    assert (weigh([(step, gain)])[0].probability > 0.5) == is_named
 
 
 @pytest.mark.parametrize('seed', range(5))

@@ -39,6 +39,21 @@ def test_a_sample_alone_is_found_and_a_blow_that_rings_is_not(size):
     assert not alone(left, RATE_HZ).any()
 
 
+@pytest.mark.parametrize('sizes', [(250.0, 250.0), (-250.0, 400.0), (250.0, -1500.0)])
+def test_two_neighbours_are_found(sizes):
+    left = swinging()[2]
+    for k, size in enumerate(sizes):
+        left[AT + k] += size
+    assert (np.flatnonzero(alone(left, RATE_HZ)) == np.sort([AT, AT + 1], axis=None)).all()
+
+
+def test_three_neighbours_are_something_else():
+    left = swinging()[2]
+    for k in range(3):
+        left[AT + k] += 400.0
+    assert not alone(left, RATE_HZ).any()
+
+
 def test_too_short_a_signal_has_none():
     assert not alone(np.array([0.0, 9.0, 0.0]), RATE_HZ).any()
 

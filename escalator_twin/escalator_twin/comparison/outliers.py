@@ -21,7 +21,9 @@ SIDE = 3  # samples on either side that tell what one should be
 # Of the spread around: white noise passes it less than once in a million samples, and blows ring.
 SIGMAS = 6.0
 AROUND_S = 1.0  # over which the spread is taken
-ALONE = 0.3  # of an outlier's size that its neighbours may be off
+WIDTHS = (1, 2)  # samples: two of some twenty outliers are neighbours in one recording of thirty
+ALONE = 0.3  # of the smaller one's size that those beside may be off
+CLEAR = 2  # samples on either side
 COUNT = re.compile(r'^(\d+) isolated')
 
 
@@ -70,7 +72,7 @@ def bridge_left(
 
 
 def alone(left: Floats, rate_hz: float) -> np.ndarray:
-    """Tell of each sample of a residual whether it stands out of those around it, alone, (n,) bool."""
+    """Tell of each sample of a residual whether it stands out of those around it, alone or as one of two, (n,)."""
     n = len(left)
     if n < 2 * SIDE + 1:
         return np.zeros(n, dtype=bool)
@@ -79,9 +81,16 @@ def alone(left: Floats, rate_hz: float) -> np.ndarray:
     off = np.abs(left - np.median([padded[k : k + n] for k in ways], axis=0))
     around = 2 * round(0.5 * AROUND_S * rate_hz) + 1
     spread = 1.4826 * median_filter(off, around, mode='nearest')
-    beside = np.zeros(n)
-    for k in (1, 2):
-        beside[k:] = np.maximum(beside[k:], off[:-k])
-        beside[:-k] = np.maximum(beside[:-k], off[k:])
-    found: np.ndarray = (off > SIGMAS * spread) & (beside < ALONE * off) & (spread > 0.0)
+    is_far = (off > SIGMAS * spread) & (spread > 0.0)
+    beside = np.pad(off, CLEAR)
+    found = np.zeros(n, dtype=bool)
+    for width in WIDTHS:
+        starts = n - width + 1
+        least = np.min([off[k : k + starts] for k in range(width)], axis=0)
+        clear = [*range(CLEAR), *range(CLEAR + width, 2 * CLEAR + width)]
+        most = np.max([beside[k : k + starts] for k in clear], axis=0)
+        is_here = np.all([is_far[k : k + starts] for k in range(width)], axis=0)
+        is_here &= most < ALONE * least
+        for k in range(width):
+            found[k : k + starts] |= is_here
     return found

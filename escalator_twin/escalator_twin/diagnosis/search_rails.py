@@ -1,6 +1,6 @@
 """Steps of the guide at a rail joint: by the step's own acceleration, then by runs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from math import pi
@@ -30,10 +30,12 @@ RAIL_NEAR_M = (
     -0.04,
     0.04,
 )  # all shapes: the best place of one is no guide to another's
+RAIL_FINE_M = (-0.005, 0.005)  # of the best of these
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
 LOW_M = TRIAL_M / 3.0  # linear, of either sign
 SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
+RAIL_M = 1.0  # no rail is laid in shorter pieces: at each end of one a good machine has a step of a tolerance
 CHUNK = 128
 
 
@@ -58,13 +60,17 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
         scores = score_each(search.fitted, search.whiten(columns))
         gains[start : start + CHUNK] = scores.gain
         sizes[start : start + CHUNK] = scores.size
-    starts = _starts(places, gains, observation.frame.pitch_m, length)
-    trials = [
-        _rail_trial(search, s, -1.0 if sizes[round(s / RAIL_STEP_M) % len(places)] < 0.0 else 1.0)
-        for s in starts
-    ]
-    tried = (RAIL_CLOSE * _most(found).gain for found in trials)
-    least = max([RAIL_OPEN, search.least / SHAPED, *tried])
+
+    def trial(start: float) -> list[Proposal]:
+        size = sizes[round(start / RAIL_STEP_M) % len(places)]
+        return _rail_trial(search, start, -1.0 if size < 0.0 else 1.0)
+
+    starts = _starts(places, gains, length)
+    trials = _followed([trial(s) for s in starts], trial, observation.frame.pitch_m, length)
+    if not trials:
+        return
+    most = max(_most(found).gain for found in trials)
+    least = max(RAIL_OPEN, search.least / SHAPED, RAIL_CLOSE * most)
     for found in trials:
         if _most(found).gain >= least:
             found += _rail_shapes(search, found)
@@ -74,7 +80,7 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
             yield _most([p for p in found if p.location['side'] == side])
 
 
-def _starts(places: Floats, gains: Floats, pitch_m: float, length: float) -> list[float]:
+def _starts(places: Floats, gains: Floats, length: float) -> list[float]:
     """Return the places that are run, by what the step's own acceleration says, m."""
     starts: list[float] = []
     for k in np.argsort(-gains):
@@ -82,13 +88,37 @@ def _starts(places: Floats, gains: Floats, pitch_m: float, length: float) -> lis
             break
         if all(_apart(float(places[k]), s, length) >= RAIL_APART_M for s in starts):
             starts.append(float(places[k]))
-    # a step's two axles pass a bump one after the other: one pitch further it looks half as well
-    for start in starts[:1]:
-        beside = [float((start + way) % length) for way in (-pitch_m, pitch_m)]
-        starts += [
-            s for s in beside if all(_apart(s, k, length) > RAIL_APART_M / 2 for k in starts)
-        ]
     return starts
+
+
+def _followed(
+    trials: list[list[Proposal]],
+    trial: Callable[[float], list[Proposal]],
+    pitch_m: float,
+    length: float,
+) -> list[list[Proposal]]:
+    """Return trials at some places, and a pitch beside the best of them as long as that leads on.
+
+    A step's two axles pass a bump one after the other, and the chain takes it to other links: a pitch off
+    looks half as well, or to the step alone better.
+    """
+    trials = list(trials)
+    while trials:
+        best = _most([_most(found) for found in trials])
+        beside = [float((_place(best) + way) % length) for way in (-pitch_m, pitch_m)]
+        new = [
+            s
+            for s in beside
+            if all(_apart(s, _place(found[0]), length) > RAIL_APART_M / 2 for found in trials)
+        ]
+        if not new:
+            break
+        trials += [trial(s) for s in new]
+    return trials
+
+
+def _place(proposal: Proposal) -> float:
+    return float(str(proposal.location['s_m']))
 
 
 def _apart(one: float, other: float, length: float) -> float:
@@ -124,8 +154,9 @@ def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
 
     What a bump does is linear in its height only as long as the rollers stay on their track.
     """
-    begin = float(str(known[0].location['s_m']))
-    return _all_bumped(search, begin, RAIL_NEAR_M, RAIL_LENGTHS_M, (TRIAL_M, -TRIAL_M, LOW_M))
+    shapes = RAIL_LENGTHS_M, (TRIAL_M, -TRIAL_M, LOW_M)
+    found = _all_bumped(search, _place(known[0]), RAIL_NEAR_M, *shapes)
+    return found + _all_bumped(search, _place(_most(found)), RAIL_FINE_M, *shapes)
 
 
 def _all_bumped(
@@ -149,7 +180,8 @@ def _all_bumped(
 
 def _bumped(search: Search, at: float, height: float, wide: float) -> list[Proposal]:
     """Propose a bump of one shape at one place, on the left, on the right and on both sides."""
-    count = 3 * round(abs(search.view.responses.base.length_m) / 0.25)
+    length = abs(search.view.responses.base.length_m)
+    count, joints = 3 * round(length / 0.25), 2 * round(length / RAIL_M)
     location: dict[str, object] = {'s_m': at, 'side': 'left'}
     deviation = Deviation('guide_step', {'height_m': height, 'length_m': wide}, location)
     left = (search.stage.run((deviation,)) - search.model) / height
@@ -160,7 +192,7 @@ def _bumped(search: Search, at: float, height: float, wide: float) -> list[Propo
         Proposal(
             'guide_step', {'s_m': at, 'side': side},
             {'height_m': float(score.size[k]), 'length_m': wide}, float(score.gain[k]),
-            {'height_m': float(score.sd[k])}, count, ('height_m', '@s_m', 'length_m'),
+            {'height_m': float(score.sd[k])}, count, ('height_m', '@s_m', 'length_m'), draws=joints,
         )
         for k, side in enumerate((*SIDES, 'both'))
     ]  # fmt: skip
