@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis.drive import refine_wave
+from escalator_twin.diagnosis.drive import locks, refine_wave, told_apart
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
@@ -68,3 +68,31 @@ def test_a_frequency_is_found_whichever_way_the_machine_runs(cause, direction):
     assert numbers['relative_amplitude'] == pytest.approx(0.02, rel=0.01)
     # at the recording's beginning, to which phases are told
     assert numbers['phase_rad'] == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.parametrize('cause', KEYS)
+def test_where_the_speed_wanders_time_is_told_from_travel(cause):
+    bench = Bench(1)
+    late = 0.3 * np.sin(2.0 * np.pi * bench.travel / bench.travel[-1] * 1.7)
+    bench.observation.time_s = bench.observation.time_s + late[:, None]
+    own = bench.observation.time_s[:, 0] if cause == 'drive_hunting' else bench.travel / SPEED_M_S
+    signal = 0.02 * np.sin(2.0 * np.pi * 0.37 * own + 0.4)
+    bench.measured = np.stack([signal, -0.5 * signal], axis=1)
+    in_time, in_travel = locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011))
+    right, wrong = (in_time, in_travel) if cause == 'drive_hunting' else (in_travel, in_time)
+    assert right == 0.0
+    assert wrong > 1e3
+    # without a wander there is nothing to tell
+    bench.observation.time_s = np.repeat((bench.travel / SPEED_M_S)[:, None], 2, axis=1)
+    assert max(locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011))) < 1e-6
+
+
+@pytest.mark.parametrize('off', [0.0, -5.0, -500.0])
+def test_two_models_are_told_apart_by_no_more_than_they_differ(off):
+    # a fit along (1, 0) or along a line a hundredth of a radian beside it, of a point off both
+    angle, point = 0.01, np.array([100.0, off])
+    lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
+    right, gram = lines @ point, lines @ lines.T
+    differ = (100.0 * np.sin(angle)) ** 2
+    assert told_apart(right, gram) == pytest.approx(differ, rel=1e-3)
+    assert told_apart(right[::-1], gram[::-1, ::-1]) == pytest.approx(-differ, rel=1e-3)

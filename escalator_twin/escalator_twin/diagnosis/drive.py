@@ -126,10 +126,10 @@ def _wrapped(angle: float) -> float:
 
 
 def locks(stage: Stage, base: Floats, hunting: Proposal, jobs: int = 1) -> tuple[float, float]:
-    """Return chi squared of a wave locked to time, and of the same wave locked to travel.
+    """Return by how much chi squared is higher with a wave locked to time, and locked to travel.
 
-    Both are taken from the same two runs: what two runs differ by through rattling rollers is
-    more than what the locks differ by.
+    One of them is 0. Both are taken from the same two runs: what two runs differ by through rattling
+    rollers is more than what the locks differ by.
     """
     observation = stage.observation
     seconds = observation.travel_m / observation.frame.speed_m_s
@@ -142,11 +142,36 @@ def locks(stage: Stage, base: Floats, hunting: Proposal, jobs: int = 1) -> tuple
         (one, two),
     )
     clock = (seconds - seconds.mean())[:, None]
-    found = []
-    for a, b in rows:
-        columns = stage.columns(np.stack([a, b, clock * a, clock * b], axis=2), hunting.cause)
-        fitted = stage.fit(base)
-        right, gram = inner_products(fitted, columns)
-        gain = float(right @ inverse(gram) @ right)
-        found.append(fitted.chi2 - gain)
-    return found[0], found[1]
+    waves = [wave for a, b in rows for wave in (a, b, clock * a, clock * b)]
+    columns = stage.columns(np.stack(waves, axis=2), hunting.cause)
+    better = told_apart(*inner_products(stage.fit(base), columns))
+    return max(-better, 0.0), max(better, 0.0)
+
+
+def told_apart(right: Floats, gram: Floats) -> float:
+    """Return by how much more one model explains than another, as far as the two differ at all.
+
+    Were the better one true, it would explain as much more as what it says is off the other's reach, give
+    or take noise. What is beyond that speaks of an error of both.
+
+    Parameters
+    ----------
+    right : (2 k,) float64
+        Of the columns of the one model, then of the other, see `inner_products`.
+    gram : (2 k, 2 k) float64
+
+    Returns
+    -------
+    better : float
+        Of chi squared; negative where the other explains more.
+    """
+    half = len(right) // 2
+    one, other = slice(0, half), slice(half, None)
+    gains = [float(right[m] @ inverse(gram[m, m]) @ right[m]) for m in (one, other)]
+    if gains[0] < gains[1]:
+        one, other = other, one
+    sizes = inverse(gram[one, one]) @ right[one]
+    across = gram[one, other]
+    unlike = gram[one, one] - across @ inverse(gram[other, other]) @ across.T
+    apart = max(float(sizes @ unlike @ sizes), 0.0)
+    return float(np.clip(gains[0] - gains[1], -apart, apart))

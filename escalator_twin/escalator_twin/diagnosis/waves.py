@@ -64,10 +64,9 @@ def locked(context: Context, place: Beside, tried: list[Tried], jobs: int = 1) -
     anew = beside(context, deviations, steps=1, turned=place.stage.turned)
     bare = replace(anew.stage, machine=place.stage.machine)
     in_time, in_travel = locks(bare, bare.run(), hunting.proposal, jobs)
-    low = min(in_time, in_travel)
     weighed = {
-        id(hunting): replace(hunting, gain=best - (in_time - low)),
-        id(ripple): replace(ripple, gain=best - (in_travel - low)),
+        id(hunting): replace(hunting, gain=best - in_time),
+        id(ripple): replace(ripple, gain=best - in_travel),
     }
     return [weighed.get(id(t), t) for t in tried]
 
