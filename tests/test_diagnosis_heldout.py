@@ -270,6 +270,35 @@ def test_another_axle_gains_nothing(seed):
     assert found.gain_high < 0.01
 
 
+def blow(n: int, at: float) -> np.ndarray:
+    """Return what one place of the guide does to one channel for a tenth of a pitch a loop, (n, c)."""
+    place = np.arange(n) % FRAME.n_loop / FRAME.n_loop
+    shape = np.exp(-0.5 * ((place - at) * FRAME.n_loop / (0.05 * FRAME.per_pitch)) ** 2)
+    return SIZE * shape[:, None] * (np.arange(len(CHANNELS)) == TENSIONER) * spread()
+
+
+@pytest.mark.parametrize(
+    ('hidden', 'told', 'reason'),
+    [(0.4, 0.4, 'pass once'), (0.9, 0.9, 'would show by'), (0.4, 0.5, None), (0.9, 0.5, None)],
+    ids=['one event', 'not passed again', 'elsewhere', 'nothing there'],
+)
+def test_what_passes_once_is_told_without_a_second_look_and_refused_where_nothing_is(
+    hidden, told, reason
+):
+    n = round(LOOPS * FRAME.n_loop)
+    base = recorded()[1]
+    measured = base + blow(n, hidden) + spread() * np.random.default_rng(4).normal(size=base.shape)
+    model = base + blow(n, told)
+    stage = stage_of(measured, base)
+    after = Beside(stage, None, model, stage.fit(model))
+    step = Proposal('guide_step', {'s_m': 24.4 * told}, {'height_m': 1e-3}, 1e3)
+    found = hold_out(SimpleNamespace(machine=MACHINE), after, [step], 1)
+    assert not found.significant
+    assert (found.channels is None) is (reason is not None)
+    if reason is not None:
+        assert reason in found.split
+
+
 def test_a_right_name_that_harms_another_channel_is_told():
     change = passing(N, AXLE)
     change[:, TENSIONER] = 0.5 * SIZE * spread()[TENSIONER] * np.sin(0.21 * np.arange(N))

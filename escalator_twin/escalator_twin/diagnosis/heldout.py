@@ -11,7 +11,7 @@ from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import creep, of_machine, without_own
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
-from escalator_twin.diagnosis.scores import HeldOut, scored, Seen
+from escalator_twin.diagnosis.scores import HeldOut, scored, Seen, undecided
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.signals import Floats
 
@@ -69,7 +69,12 @@ def hold_out(
     slow = slow_of(bare, effects)
     seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
-    return scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0), change)
+    found = scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0), change)
+    if len(folds) == 1 and not found.significant and not found.worse:
+        why = undecided(bare, seen, change, used)
+        if why is not None:
+            return HeldOut(f'no second look: on later passages {why}', 0, None)
+    return found
 
 
 def _with_columns(stage: Stage) -> Stage:
