@@ -79,7 +79,7 @@ def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
 @pytest.mark.issue(6)
 @pytest.mark.parametrize(
     ('at', 'height', 'wide'),
-    [(6.0, 1.5e-3, 0.065), (6.0, -1.5e-3, 0.055), (6.02, 5e-4, 0.045), (5.97, 5e-4, 0.075)],
+    [(6.0, 1.5e-3, 0.065), (6.0, -1.5e-3, 0.055), (6.015, 5e-4, 0.045), (5.99, 5e-4, 0.075)],
 )
 def test_bumps_of_either_sign_and_any_length_are_run(monkeypatch, at, height, wide):
     def bumped(_search, place, high, length):
@@ -91,7 +91,10 @@ def test_bumps_of_either_sign_and_any_length_are_run(monkeypatch, at, height, wi
     monkeypatch.setattr(search_rails, '_bumped', bumped)
     base = SimpleNamespace(length_m=24.0)
     search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
-    known = [Proposal('guide_step', {'s_m': 6.0}, {'height_m': 1e-3}, 60.0)]
+    known = [
+        Proposal('guide_step', {'s_m': place}, {'height_m': 1e-3}, gain)
+        for place, gain in ((5.9, 40.0), (6.0, 60.0))
+    ]
     found = search_rails._rail_shapes(search, known)
     assert max(p.gain for p in found) == pytest.approx(900.0)
 

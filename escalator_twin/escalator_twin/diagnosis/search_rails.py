@@ -25,12 +25,8 @@ RAIL_SHIFTS_M = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
 RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
 # The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise.
 RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
-RAIL_NEAR_M = (
-    *RAIL_SHIFTS_M,
-    -0.04,
-    0.04,
-)  # all shapes: the best place of one is no guide to another's
-RAIL_FINE_M = (-0.005, 0.005)  # of the best of these
+RAIL_NEAR_M = (0.0, -0.01, 0.01)  # of the best of these, in every shape
+RAIL_FINE_M = (-0.005, 0.005)  # of the best of those
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
 LOW_M = TRIAL_M / 3.0  # linear, of either sign
@@ -155,7 +151,7 @@ def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
     What a bump does is linear in its height only as long as the rollers stay on their track.
     """
     shapes = RAIL_LENGTHS_M, (TRIAL_M, -TRIAL_M, LOW_M)
-    found = _all_bumped(search, _place(known[0]), RAIL_NEAR_M, *shapes)
+    found = _all_bumped(search, _place(_most(known)), RAIL_NEAR_M, *shapes)
     return found + _all_bumped(search, _place(_most(found)), RAIL_FINE_M, *shapes)
 
 
