@@ -29,6 +29,7 @@ from escalator_twin.physics.contact import end_forces, saturating
 from escalator_twin.physics.kernel import CARRIAGE_CREEP_M_S
 from escalator_twin.physics.parameters import Parameters
 from escalator_twin.physics.path import CARRIAGE
+from escalator_twin.physics.rails import Rails
 from escalator_twin.physics.rollout import Simulation, STEP_S
 from escalator_twin.physics.state import State, TRAVEL
 from escalator_twin.signals import Floats
@@ -59,8 +60,9 @@ compile_into = njit(**OPTIONS, inline='always')
 
 @compile_plain
 def law(
-    p: Parameters, state: State, q: Floats, v: Floats, full: tuple[Floats, Floats], out: Floats
-) -> None:
+    p: Parameters, rails: Rails, state: State, q: Floats, v: Floats, full: tuple[Floats, Floats],
+    out: Floats,
+) -> None:  # fmt: skip
     """Write the force on carriage and axles; ``full`` is room for the twin's own coordinates."""
     place, rate = full
     n = state.s.shape[1]
@@ -68,16 +70,13 @@ def law(
     for i in range(n):
         for c in range(2):
             place[2 + 3 * i + c], rate[2 + 3 * i + c] = q[1 + 2 * i + c], v[1 + 2 * i + c]
-    end_forces(p, state, place, rate, rate, 0.0)
+    end_forces(p, rails, state, place, rate, rate, 0.0)
     chain.add_loads(state.force, state.s, p.load, p.length_m, p.load_from, p.load_to, p.load_ramp)
-    chain.link_forces(
-        state.force, state.direction, state.tension, place, rate, rate, 0.0, 1,
-        (p.link_stiffness, p.link_damping, p.link_length),
-    )  # fmt: skip
+    chain.link_forces(state, (p.link_stiffness, p.link_damping, p.link_length), 0.0)
     out[0] = p.preload - p.carriage_stiffness * q[0] - p.carriage_damping * v[0]
     out[0] += state.reaction[0] - p.carriage_friction * saturating(v[0] / CARRIAGE_CREEP_M_S)
     for i in range(n):
-        out[1 + 2 * i], out[2 + 2 * i] = state.force[0, i, 0], state.force[0, i, 1]
+        out[1 + 2 * i], out[2 + 2 * i] = state.force[0, 0, i], state.force[1, 0, i]
 
 
 @compile_plain
@@ -109,7 +108,7 @@ class Compiled(NamedTuple):
     jacobian: Callable[..., None]  # (floats, ints, t, q, v, of q, of v, values)
 
 
-def compile_law(p: Parameters, n: int, travel_m: float) -> Compiled:
+def compile_law(p: Parameters, rails: Rails, n: int, travel_m: float) -> Compiled:
     """Freeze parameters into the compiled law."""
 
     @compile_into
@@ -123,35 +122,37 @@ def compile_law(p: Parameters, n: int, travel_m: float) -> Compiled:
             part(floats, 1, 1).reshape(1, n), part(floats, 2, 1).reshape(1, n),
             part(floats, 3, 1).reshape(1, n), part(floats, 4, 1).reshape(1, n),
             part(floats, 5, 1).reshape(1, n), part(floats, 6, 1), part(floats, 6, 1),
-            part(floats, 7, 2).reshape(1, n, 2), part(floats, 9, 2).reshape(1, n, 2),
-            part(floats, 11, 3).reshape(1, n, 3), part(floats, 14, 1)[:1],
-            part(floats, 15, 2).reshape(1, n, 1, 2), part(floats, 17, 1)[:1].reshape(1, 1),
-            part(floats, 18, 4).reshape(1, n, 2, 2), part(floats, 22, 6).reshape(1, n, 6),
+            part(floats, 7, 2).reshape(2, 1, n), part(floats, 9, 2).reshape(2, 1, n),
+            part(floats, 11, 2).reshape(2, 1, n), part(floats, 13, 11).reshape(11, 1, n),
+            part(floats, 24, 2).reshape(2, 1, n), part(floats, 26, 2).reshape(2, 1, n),
+            part(floats, 28, 3).reshape(3, 1, n), part(floats, 31, 1)[:1],
+            part(floats, 32, 2).reshape(1, 2, 1, n), part(floats, 34, 1)[:1].reshape(1, 1),
+            part(floats, 35, 4).reshape(2, 2, 1, n), part(floats, 39, 7).reshape(7, 1, n),
         )  # fmt: skip
 
     @compile_plain
     def force(floats, ints, t, q, v, out):  # type: ignore[no-untyped-def]
         state = view(floats, ints)
         state.rack[TRAVEL] = travel_m + p.speed * t
-        law(p, state, q, v, (part(floats, 28, 4), part(floats, 32, 4)), out)
+        law(p, rails, state, q, v, (part(floats, 46, 4), part(floats, 50, 4)), out)
 
     @compile_plain
     def jacobian(floats, ints, t, q, v, of_q, of_v, values):  # type: ignore[no-untyped-def]
         state = view(floats, ints)
         state.rack[TRAVEL] = travel_m + p.speed * t
-        full = part(floats, 28, 4), part(floats, 32, 4)
+        full = part(floats, 46, 4), part(floats, 50, 4)
         base, moved, a, b = (
-            part(floats, 36, 3)[: len(q)],
-            part(floats, 39, 3)[: len(q)],
-            part(floats, 42, 3)[: len(q)],
-            part(floats, 45, 3)[: len(q)],
+            part(floats, 54, 3)[: len(q)],
+            part(floats, 57, 3)[: len(q)],
+            part(floats, 60, 3)[: len(q)],
+            part(floats, 63, 3)[: len(q)],
         )
         take(q, v, a, b)
-        law(p, state, q, v, full, base)
+        law(p, rails, state, q, v, full, base)
         step = SHIFT / max(of_q, 1e-2 * of_v)
         a[0] += step * of_q
         b[0] += step * of_v
-        law(p, state, a, b, full, moved)
+        law(p, rails, state, a, b, full, moved)
         k = len(q)
         for r in range(k):
             values[r] = (base[r] - moved[r]) / step
@@ -161,7 +162,7 @@ def compile_law(p: Parameters, n: int, travel_m: float) -> Compiled:
                 for i in range(colour, n, 3):
                     a[1 + 2 * i + c] += step * of_q
                     b[1 + 2 * i + c] += step * of_v
-                law(p, state, a, b, full, moved)
+                law(p, rails, state, a, b, full, moved)
                 for i in range(colour, n, 3):
                     for d in (-1, 0, 1):
                         for e in range(2):
@@ -178,7 +179,7 @@ def compile_law(p: Parameters, n: int, travel_m: float) -> Compiled:
                 take(q, v, a, b)
                 a[1 + 2 * i + c] += step * of_q
                 b[1 + 2 * i + c] += step * of_v
-                law(p, state, a, b, full, moved)
+                law(p, rails, state, a, b, full, moved)
                 values[k + 2 * i + c] = (base[0] - moved[0]) / step
 
     return Compiled(force, jacobian)
@@ -204,9 +205,9 @@ class Peer:
         velocity = simulation.data.qvel + 0.5 * simulation.step_s * state.acceleration
         self.start = simulation.data.qpos[keep].copy(), velocity[keep].copy()
         self.travel_m = float(state.rack[TRAVEL])
-        self.compiled = compile_law(p, self.n, self.travel_m)
+        self.compiled = compile_law(p, simulation.rails, self.n, self.travel_m)
         self.begin = np.concatenate([state.segment[0], state.dog[0]])
-        self.ints, self.floats = self.begin.copy(), np.zeros(48 * self.n)
+        self.ints, self.floats = self.begin.copy(), np.zeros(66 * self.n)
         self.container = exudyn.SystemContainer()
         self.system = self.container.AddSystem()
         self.sensors = self._build(exudyn.itemInterface)

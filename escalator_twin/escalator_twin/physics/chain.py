@@ -1,13 +1,19 @@
-"""Forces inside the chain: links, axles' racking, loads; and the implicit step that couples them."""
+"""Forces inside the chain: links, axles' racking, loads; and the implicit step that couples them.
+
+Rows run over the axles or links of one side: all but the elimination itself is done to several of
+them at once. Link ``i`` leads from axle ``i`` to the next; the last one closes the loop.
+"""
 
 import numpy as np
 
-from escalator_twin.physics.compiled import compiled
+from escalator_twin.physics.compiled import compiled, inlined
 from escalator_twin.physics.contact import ramp
+from escalator_twin.physics.state import State
 from escalator_twin.signals import Floats
 
-# Columns of a link's row: pivot, coupling to the next link, then solutions.
-PIVOT, NEXT, CORNER, FORCED = range(4)
+# Rows of the links' system: what becomes the inverse of the pivot, coupling to the next link, their product,
+# the corner's column, then the sought forces: without moving parts, and for an acceleration of up to two.
+PIVOT, NEXT, FACTOR, CORNER, FORCED = range(5)
 
 
 @compiled
@@ -35,71 +41,95 @@ def add_loads(
             if middle >= length_m:
                 middle -= length_m
             share = 0.5 * weight * ramp(middle, start, end, ramp_m)
-            force[side, i, 1] -= share
-            force[side, j, 1] -= share
+            force[1, side, i] -= share
+            force[1, side, j] -= share
 
 
 @compiled
 def add_racking(
-    force: Floats, q: Floats, v: Floats, stiffness: float, damping: float, base: int
+    force: Floats, place: Floats, rate: Floats, stiffness: float, damping: float
 ) -> None:
     """Add the spring between the two ends of each axle, in the plane."""
-    for i in range(force.shape[1]):
-        j = base + i * 5 + 1
-        for c in range(2):
-            f = stiffness * (q[j + c] - q[j + 2 + c]) + damping * (v[j + c] - v[j + 2 + c])
-            force[0, i, c] -= f
-            force[1, i, c] += f
+    for c in range(2):
+        left, right, v_left, v_right = place[c, 0], place[c, 1], rate[c, 0], rate[c, 1]
+        on_left, on_right = force[c, 0], force[c, 1]
+        for i in range(len(left)):
+            f = stiffness * (left[i] - right[i]) + damping * (v_left[i] - v_right[i])
+            on_left[i] -= f
+            on_right[i] += f
 
 
-@compiled
-def link_forces(
-    force: Floats, direction: Floats, tension: Floats, q: Floats, v: Floats, w: Floats, h: float,
-    base: int, law: tuple[Floats, Floats, Floats],
-) -> None:  # fmt: skip
+@inlined
+def link_forces(state: State, law: tuple[Floats, Floats, Floats], h: float) -> None:
     """Fill the links' directions and forces, and add them to the axle ends.
 
     The spring is taken at the mean of the length, ``length + h^2/4 length''``; the part of
     ``length''`` that comes from turning is known. ``law`` holds stiffness, damping and free length
     of every link, (m, n) each.
     """
-    stiffness, damping, free_length = law
-    m, n = tension.shape
-    stride = 1 + 2 * m
-    for side in range(m):
-        for i in range(n):
-            k = i + 1 if i + 1 < n else 0
-            a, b = base + i * stride + 1 + 2 * side, base + k * stride + 1 + 2 * side
-            dx, dz = q[b] - q[a], q[b + 1] - q[a + 1]
-            length = np.sqrt(dx * dx + dz * dz)
-            per_length = 1.0 / length
-            ex, ez = dx * per_length, dz * per_length
-            rate = (w[b] - w[a]) * ex + (w[b + 1] - w[a + 1]) * ez
-            turn = (v[b + 1] - v[a + 1]) * ex - (v[b] - v[a]) * ez
-            pull = stiffness[side, i] * (length - free_length[side, i])
-            pull += damping[side, i] * rate
-            direction[side, i, 0], direction[side, i, 1] = ex, ez
-            tension[side, i] = pull
-            pull += 0.25 * h * h * stiffness[side, i] * turn * turn * per_length
-            force[side, i, 0] += pull * ex
-            force[side, i, 1] += pull * ez
-            force[side, k, 0] -= pull * ex
-            force[side, k, 1] -= pull * ez
+    pull = state.work[FORCED]
+    for side in range(len(pull)):
+        last = pull.shape[1] - 1
+        pull_links(state.place, state.rate, state.middle, state.direction, law, h, state.tension,
+                   pull, side, 0, last, 1)  # fmt: skip
+        pull_links(state.place, state.rate, state.middle, state.direction, law, h, state.tension,
+                   pull, side, last, last + 1, -last)  # fmt: skip
+        along = pull[side]
+        for c in range(2):
+            add_pulls(state.force[c, side], state.direction[c, side], along)
+
+
+@compiled
+def pull_links(
+    place: Floats, rate: Floats, middle: Floats, direction: Floats,
+    law: tuple[Floats, Floats, Floats], h: float, tension: Floats, pull: Floats, side: int,
+    begin: int, end: int, ahead: int,
+) -> None:  # fmt: skip
+    """Fill direction, force and force at the mean length of links whose end is ``ahead`` axles on."""
+    stiffness, damping, free_length = law[0][side], law[1][side], law[2][side]
+    x, z, vx, vz = place[0, side], place[1, side], rate[0, side], rate[1, side]
+    wx, wz, ex_of, ez_of = middle[0, side], middle[1, side], direction[0, side], direction[1, side]
+    tensions, pulls = tension[side], pull[side]
+    turning = 0.25 * h * h
+    for i in range(begin, end):
+        k = i + ahead
+        dx, dz = x[k] - x[i], z[k] - z[i]
+        length = np.sqrt(dx * dx + dz * dz)
+        per_length = 1.0 / length
+        ex, ez = dx * per_length, dz * per_length
+        stretch_rate = (wx[k] - wx[i]) * ex + (wz[k] - wz[i]) * ez
+        turn = (vz[k] - vz[i]) * ex - (vx[k] - vx[i]) * ez
+        f = stiffness[i] * (length - free_length[i]) + damping[i] * stretch_rate
+        ex_of[i], ez_of[i], tensions[i] = ex, ez, f
+        pulls[i] = f + turning * stiffness[i] * turn * turn * per_length
+
+
+@compiled
+def add_pulls(onto: Floats, direction: Floats, pull: Floats) -> None:
+    """Add the links' pulls, in one direction, to both ends of each link."""
+    last = len(onto) - 1
+    onto[0] += pull[0] * direction[0] - pull[last] * direction[last]
+    for i in range(1, last + 1):
+        onto[i] += pull[i] * direction[i] - pull[i - 1] * direction[i - 1]
+
+
+@compiled
+def accelerate(inverse: Floats, force: Floats, free: Floats, side: int) -> None:
+    """Fill what one side's ends do under some forces, (2, m, n) each."""
+    xx, xz, zz = inverse[0, side], inverse[1, side], inverse[2, side]
+    fx, fz, ax, az = force[0, side], force[1, side], free[0, side], free[1, side]
+    for i in range(len(xx)):
+        ax[i] = xx[i] * fx[i] + xz[i] * fz[i]
+        az[i] = xz[i] * fx[i] + zz[i] * fz[i]
 
 
 @compiled
 def free_accelerations(free: Floats, inverse: Floats, force: Floats, coupling: Floats) -> None:
     """Fill what each end would do without links: under its force, and for each coupling."""
-    m, n, columns, _ = free.shape
-    for side in range(m):
-        for i in range(n):
-            xx, xz, zz = inverse[side, i, 0], inverse[side, i, 1], inverse[side, i, 2]
-            fx, fz = force[side, i, 0], force[side, i, 1]
-            free[side, i, 0, 0], free[side, i, 0, 1] = xx * fx + xz * fz, xz * fx + zz * fz
-            for c in range(columns - 1):
-                fx, fz = coupling[side, i, c, 0], coupling[side, i, c, 1]
-                free[side, i, 1 + c, 0] = xx * fx + xz * fz
-                free[side, i, 1 + c, 1] = xz * fx + zz * fz
+    for side in range(force.shape[1]):
+        accelerate(inverse, force, free[0], side)
+        for c in range(len(coupling)):
+            accelerate(inverse, coupling[c], free[1 + c], side)
 
 
 @compiled
@@ -108,129 +138,166 @@ def fill_system(
     damping: Floats, h: float,
 ) -> None:  # fmt: skip
     """Fill the cyclic tridiagonal system of the links' force changes, one row a link."""
-    m, n, width = work.shape
+    m, n = stiffness.shape
+    last = n - 1
     for side in range(m):
+        pivot, corner = work[PIVOT, side], work[CORNER, side]
+        per_link, rate = stiffness[side], damping[side]
         for i in range(n):
-            k = i + 1 if i + 1 < n else 0
-            ex, ez = direction[side, i, 0], direction[side, i, 1]
-            alpha = 0.5 * h * damping[side, i] + 0.25 * h * h * stiffness[side, i]
-            a, b = inverse[side, i], inverse[side, k]
-            xx, xz, zz = a[0] + b[0], a[1] + b[1], a[2] + b[2]
-            row = work[side, i]
-            row[PIVOT] = 1.0 / alpha + ex * (xx * ex + xz * ez) + ez * (xz * ex + zz * ez)
-            fx, fz = direction[side, k, 0], direction[side, k, 1]
-            row[NEXT] = -(ex * (b[0] * fx + b[1] * fz) + ez * (b[1] * fx + b[2] * fz))
-            row[CORNER] = 0.0
-            for c in range(width - FORCED):
-                row[FORCED + c] = ex * (free[side, k, c, 0] - free[side, i, c, 0])
-                row[FORCED + c] += ez * (free[side, k, c, 1] - free[side, i, c, 1])
+            pivot[i] = 1.0 / (0.5 * h * rate[i] + 0.25 * h * h * per_link[i])
+            corner[i] = 0.0
+        fill_links(work, inverse, direction, side, 0, last, 1)
+        fill_links(work, inverse, direction, side, last, n, -last)
+        for c in range(len(free)):
+            ex, ez, forced = direction[0, side], direction[1, side], work[FORCED + c, side]
+            ax, az = free[c, 0, side], free[c, 1, side]
+            for i in range(last):
+                forced[i] = ex[i] * (ax[i + 1] - ax[i]) + ez[i] * (az[i + 1] - az[i])
+            forced[last] = ex[last] * (ax[0] - ax[last]) + ez[last] * (az[0] - az[last])
+
+
+@compiled
+def fill_links(
+    work: Floats, inverse: Floats, direction: Floats, side: int, begin: int, end: int, ahead: int
+) -> None:
+    """Complete the pivots and fill the couplings of links whose end is ``ahead`` axles on."""
+    pivot, coupled = work[PIVOT, side], work[NEXT, side]
+    xx, xz, zz = inverse[0, side], inverse[1, side], inverse[2, side]
+    ex_of, ez_of = direction[0, side], direction[1, side]
+    for i in range(begin, end):
+        k = i + ahead
+        ex, ez, fx, fz = ex_of[i], ez_of[i], ex_of[k], ez_of[k]
+        sx, sz = xx[k] * ex + xz[k] * ez, xz[k] * ex + zz[k] * ez
+        own = ex * (xx[i] * ex + xz[i] * ez) + ez * (xz[i] * ex + zz[i] * ez)
+        pivot[i] += own + ex * sx + ez * sz
+        coupled[i] = -(fx * sx + fz * sz)
 
 
 @compiled
 def solve_cyclic(work: Floats) -> None:
     """Solve the symmetric cyclic tridiagonal systems by Sherman and Morrison, in place.
 
-    A rank-one change takes the corners off; the sides run side by side, since each waits for its
-    own divisions.
+    A rank-one change takes the corners off.
     """
-    m, n, width = work.shape
+    width, m, n = work.shape
     last = n - 1
     for side in range(m):
-        first, end = work[side, 0], work[side, last]
-        shift, corner = -first[PIVOT], end[NEXT]
-        end[PIVOT] -= corner * corner / shift
-        end[CORNER] = corner
-        first[CORNER] = shift
-        first[PIVOT] = 1.0 / (first[PIVOT] - shift)
-    for i in range(1, n):
-        for side in range(m):
-            here, before = work[side, i], work[side, i - 1]
-            factor = before[NEXT] * before[PIVOT]
-            here[PIVOT] = 1.0 / (here[PIVOT] - factor * before[NEXT])
-            for c in range(CORNER, width):
-                here[c] -= factor * before[c]
-    for side in range(m):
-        for c in range(CORNER, width):
-            work[side, last, c] *= work[side, last, PIVOT]
-    for i in range(n - 2, -1, -1):
-        for side in range(m):
-            here, after = work[side, i], work[side, i + 1]
-            for c in range(CORNER, width):
-                here[c] = (here[c] - here[NEXT] * after[c]) * here[PIVOT]
-    for side in range(m):
-        first, end = work[side, 0], work[side, last]
+        pivot, coupled, corner = work[PIVOT, side], work[NEXT, side], work[CORNER, side]
+        shift, end = -pivot[0], coupled[last]
+        pivot[last] -= end * end / shift
+        corner[last] = end
+        corner[0] = shift
+        pivot[0] -= shift
+        eliminate(pivot, coupled, work[FACTOR, side])
+        substitute(corner, work[FORCED, side], work[FACTOR, side], pivot)
+        substitute(work[FORCED + 1, side], work[FORCED + 2, side], work[FACTOR, side], pivot)
         # shift is minus the first pivot before it was doubled, the pivot now its inverse
-        ratio = -2.0 * end[NEXT] * first[PIVOT]
-        below = 1.0 / (1.0 + first[CORNER] + ratio * end[CORNER])
+        ratio = -2.0 * end * pivot[0]
+        below = 1.0 / (1.0 + corner[0] + ratio * corner[last])
         for c in range(FORCED, width):
-            factor = (first[c] + ratio * end[c]) * below
+            row = work[c, side]
+            share = (row[0] + ratio * row[last]) * below
             for i in range(n):
-                work[side, i, c] -= factor * work[side, i, CORNER]
+                row[i] -= share * corner[i]
 
 
 @compiled
-def pulled(
-    work: Floats, direction: Floats, inverse: Floats, free: Floats, side: int, i: int, c: int
-) -> tuple[float, float]:
-    """Return the acceleration (x, z) of an end in column ``c``, links included."""
-    k = i - 1 if i > 0 else work.shape[1] - 1
-    here, behind = work[side, i, FORCED + c], work[side, k, FORCED + c]
-    fx = here * direction[side, i, 0] - behind * direction[side, k, 0]
-    fz = here * direction[side, i, 1] - behind * direction[side, k, 1]
-    a = inverse[side, i]
-    return free[side, i, c, 0] + a[0] * fx + a[1] * fz, free[side, i, c, 1] + a[1] * fx + a[2] * fz
+def eliminate(pivot: Floats, coupled: Floats, factor: Floats) -> None:
+    """Put the inverse pivots of a tridiagonal system in the place of its diagonal; fill the factors."""
+    n = len(pivot)
+    value = pivot[0]
+    for i in range(1, n):
+        value = pivot[i] - coupled[i - 1] * coupled[i - 1] / value
+        pivot[i] = value
+    for i in range(n):
+        pivot[i] = 1.0 / pivot[i]
+        factor[i] = coupled[i] * pivot[i]
 
 
 @compiled
-def settle_parts(
-    work: Floats, direction: Floats, inverse: Floats, free: Floats, coupling: Floats,
-    reaction: Floats, inertia: Floats,
-) -> None:  # fmt: skip
+def substitute(one: Floats, other: Floats, factor: Floats, pivot: Floats) -> None:
+    """Solve for two right sides at once, in place: each waits for its own products only."""
+    n = len(one)
+    a, b = one[0], other[0]
+    for i in range(1, n):
+        a, b = one[i] - factor[i - 1] * a, other[i] - factor[i - 1] * b
+        one[i], other[i] = a, b
+    for i in range(n):
+        one[i] *= pivot[i]
+        other[i] *= pivot[i]
+    a, b = one[n - 1], other[n - 1]
+    for i in range(n - 2, -1, -1):
+        a, b = one[i] - factor[i] * a, other[i] - factor[i] * b
+        one[i], other[i] = a, b
+
+
+@compiled
+def link_up(work: Floats, direction: Floats, inverse: Floats, free: Floats, pulls: Floats) -> None:
+    """Add what the links do to the ends' accelerations: of the forces, and for each coupling.
+
+    ``pulls`` is room for forces, (2, m, n).
+    """
+    for side in range(work.shape[1]):
+        for c in range(len(free)):
+            for d in range(2):
+                pulls[d, side] = 0.0
+                add_pulls(pulls[d, side], direction[d, side], work[FORCED + c, side])
+            xx, xz, zz = inverse[0, side], inverse[1, side], inverse[2, side]
+            fx, fz, ax, az = pulls[0, side], pulls[1, side], free[c, 0, side], free[c, 1, side]
+            for i in range(len(xx)):
+                ax[i] += xx[i] * fx[i] + xz[i] * fz[i]
+                az[i] += xz[i] * fx[i] + zz[i] * fz[i]
+
+
+@compiled
+def settle_parts(free: Floats, coupling: Floats, reaction: Floats, inertia: Floats) -> None:
     """Take the chain out of the moving parts' equations: complete their forces and inertias."""
-    m, n, parts, _ = coupling.shape
-    for side in range(m):
-        for i in range(n):
-            for c in range(parts):
-                gx, gz = coupling[side, i, c, 0], coupling[side, i, c, 1]
-                if gx == 0.0 and gz == 0.0:
-                    continue
-                ax, az = pulled(work, direction, inverse, free, side, i, 0)
-                reaction[c] += gx * ax + gz * az
-                for d in range(c, parts):
-                    ax, az = pulled(work, direction, inverse, free, side, i, 1 + d)
-                    inertia[c, d] -= gx * ax + gz * az
+    for c in range(len(coupling)):
+        for side in range(coupling.shape[2]):
+            gx, gz = coupling[c, 0, side], coupling[c, 1, side]
+            reaction[c] += along(gx, gz, free[0, 0, side], free[0, 1, side])
+            for d in range(c, len(coupling)):
+                inertia[c, d] -= along(gx, gz, free[1 + d, 0, side], free[1 + d, 1, side])
 
 
 @compiled
-def write_accelerations(
-    out: Floats, work: Floats, direction: Floats, inverse: Floats, free: Floats
-) -> None:
+def along(gx: Floats, gz: Floats, ax: Floats, az: Floats) -> float:
+    """Return the sum of the products of two rows of vectors."""
+    total = 0.0
+    for i in range(len(gx)):
+        total += gx[i] * ax[i] + gz[i] * az[i]
+    return total
+
+
+@compiled
+def write_accelerations(out: Floats, free: Floats) -> None:
     """Write the ends' accelerations; those of the moving parts are in ``out`` already."""
-    m, n, columns, _ = free.shape
-    stride, base = 1 + 2 * m, columns - 1
-    for side in range(m):
-        for i in range(n):
-            for c in range(1, columns):
-                work[side, i, FORCED] += out[c - 1] * work[side, i, FORCED + c]
-                free[side, i, 0, 0] += out[c - 1] * free[side, i, c, 0]
-                free[side, i, 0, 1] += out[c - 1] * free[side, i, c, 1]
-    for side in range(m):
-        for i in range(n):
-            j = base + i * stride + 1 + 2 * side
-            out[j], out[j + 1] = pulled(work, direction, inverse, free, side, i, 0)
+    parts, _, m, n = free.shape
+    base, stride = parts - 1, 1 + 2 * m
+    for d in range(2):
+        for side in range(m):
+            own = free[0, d, side]
+            for c in range(1, parts):
+                moved, of_part = free[c, d, side], out[c - 1]
+                for i in range(n):
+                    own[i] += of_part * moved[i]
+            first = base + 1 + 2 * side + d
+            for i in range(n):
+                out[first + i * stride] = own[i]
 
 
 @compiled
 def correct_tension(
-    tension: Floats, direction: Floats, damping: Floats, out: Floats, h: float, base: int
+    tension: Floats, direction: Floats, damping: Floats, free: Floats, h: float
 ) -> None:
     """Move the links' damper force from the mid-step velocity to the step itself."""
     m, n = tension.shape
-    stride = 1 + 2 * m
+    last = n - 1
     for side in range(m):
-        for i in range(n):
-            k = i + 1 if i + 1 < n else 0
-            a, b = base + i * stride + 1 + 2 * side, base + k * stride + 1 + 2 * side
-            rate = (out[b] - out[a]) * direction[side, i, 0]
-            rate += (out[b + 1] - out[a + 1]) * direction[side, i, 1]
-            tension[side, i] += 0.5 * h * damping[side, i] * rate
+        pull, rate, ex, ez = tension[side], damping[side], direction[0, side], direction[1, side]
+        ax, az = free[0, 0, side], free[0, 1, side]
+        for i in range(last):
+            opening = (ax[i + 1] - ax[i]) * ex[i] + (az[i + 1] - az[i]) * ez[i]
+            pull[i] += 0.5 * h * rate[i] * opening
+        opening = (ax[0] - ax[last]) * ex[last] + (az[0] - az[last]) * ez[last]
+        pull[last] += 0.5 * h * rate[last] * opening

@@ -17,8 +17,9 @@ Coordinates: q = [carriage, (frame), axle 0: y, (x, z) of each side, axle 1: ...
 
 from escalator_twin.physics import chain
 from escalator_twin.physics.compiled import compiled, inlined
-from escalator_twin.physics.contact import end_forces, saturating, table_at
+from escalator_twin.physics.contact import end_forces, saturating
 from escalator_twin.physics.parameters import Parameters
+from escalator_twin.physics.rails import rail_at, Rails
 from escalator_twin.physics.state import State
 from escalator_twin.signals import Floats
 
@@ -44,7 +45,7 @@ def lateral_step(
         apart = s[m - 1, i] - s[0, i]
         if abs(apart) > half_loop:
             apart -= length_m if apart > 0.0 else -length_m
-        line, slope = table_at(lateral, 0, (s[0, i] + 0.5 * apart) * per_m, per_m)
+        line, slope = rail_at(lateral, 0, (s[0, i] + 0.5 * apart) * per_m, per_m)
         along = 0.5 * (speed[0, i] + speed[m - 1, i])
         mass = end_mass[0, i] + end_mass[m - 1, i] * (m - 1)
         pull = stiffness * (line - q[j]) + damping * (slope * along - w[j])
@@ -81,7 +82,9 @@ def part_step(
 
 
 @inlined
-def accelerations(p: Parameters, state: State, q: Floats, w: Floats, v: Floats, h: float) -> None:
+def accelerations(
+    p: Parameters, rails: Rails, state: State, q: Floats, w: Floats, v: Floats, h: float
+) -> None:
     """Evaluate the law at ``q`` with mid-step velocity ``w``; fill ``state.acceleration``.
 
     ``v`` is work space: the velocity at the step itself, extrapolated, for the explicit terms.
@@ -92,27 +95,23 @@ def accelerations(p: Parameters, state: State, q: Floats, w: Floats, v: Floats, 
         state.direction,
         state.inverse,
     )
-    coupling, free, work = state.coupling, state.free, state.work
-    reaction, inertia, tension = state.reaction, state.inertia, state.tension
-    link_stiffness, link_damping = p.link_stiffness, p.link_damping
-    base = len(reaction)
+    free, work, reaction, inertia = state.free, state.work, state.reaction, state.inertia
     for i in range(len(v)):
         v[i] = w[i] + 0.5 * h * out[i]
-    end_forces(p, state, q, v, w, h)
+    end_forces(p, rails, state, q, v, w, h)
     chain.add_loads(force, state.s, p.load, p.length_m, p.load_from, p.load_to, p.load_ramp)
     if p.n_sides == 2:
-        chain.add_racking(force, q, v, p.racking_stiffness, p.racking_damping, base)
-    chain.link_forces(
-        force, direction, tension, q, v, w, h, base, (link_stiffness, link_damping, p.link_length)
-    )
-    chain.free_accelerations(free, inverse, force, coupling)
-    chain.fill_system(work, free, inverse, direction, link_stiffness, link_damping, h)
+        chain.add_racking(force, state.place, state.rate, p.racking_stiffness, p.racking_damping)
+    chain.link_forces(state, (p.link_stiffness, p.link_damping, p.link_length), h)
+    chain.free_accelerations(free, inverse, force, state.coupling)
+    chain.fill_system(work, free, inverse, direction, p.link_stiffness, p.link_damping, h)
     chain.solve_cyclic(work)
-    chain.settle_parts(work, direction, inverse, free, coupling, reaction, inertia)
+    chain.link_up(work, direction, inverse, free, force)
+    chain.settle_parts(free, state.coupling, reaction, inertia)
     part_step(p, q, w, h, reaction, inertia, out)
-    chain.write_accelerations(out, work, direction, inverse, free)
+    chain.write_accelerations(out, free)
     lateral_step(
-        out, q, w, h, state.s, state.speed, p.lateral, p.length_m, p.end_mass,
-        p.lateral_stiffness, p.lateral_damping, base,
+        out, q, w, h, state.s, state.speed, rails.lateral, p.length_m, p.end_mass,
+        p.lateral_stiffness, p.lateral_damping, len(reaction),
     )  # fmt: skip
-    chain.correct_tension(tension, direction, link_damping, out, h, base)
+    chain.correct_tension(state.tension, direction, p.link_damping, free, h)

@@ -13,6 +13,7 @@ from escalator_twin.physics.mjcall import address_of
 from escalator_twin.physics.model import compiled_model, mass_diagonal
 from escalator_twin.physics.parameters import Parameters, SIDES
 from escalator_twin.physics.path import GuidePath
+from escalator_twin.physics.rails import make_rails, Rails
 from escalator_twin.physics.start import find_rest, set_off
 from escalator_twin.physics.state import make_state, TIME, TRAVEL
 from escalator_twin.signals import Floats
@@ -93,6 +94,7 @@ class Kept(NamedTuple):
 
     parameters: Parameters
     given: Parameters
+    rails: Rails
     data: tuple[float, Floats, Floats, Floats]  # time, coordinates, velocities, accelerations
     state: tuple[np.ndarray, ...]
 
@@ -128,6 +130,7 @@ class Simulation:
     ) -> None:
         self.machine, self.parameters, self.path, self.step_s = machine, parameters, path, step_s
         self._given = parameters  # phases as given, for every start
+        self.rails = make_rails(parameters)
         gauge = machine.chain.track_gauge_m / 2.0
         self.model = compiled_model(
             parameters, step_s, gauge, machine.roller.diameter_m / 2.0, visual
@@ -178,7 +181,9 @@ class Simulation:
                 f'start_s: expected 0 to {self.path.length_m:.4f} m, found {start_s_m!r}'
             )
         way = self.chain_speed_m_s * settle_s
-        rest = find_rest(p, self.state, self.path, (start_s_m - way) % self.path.length_m, -way)
+        rest = find_rest(
+            p, self.rails, self.state, self.path, (start_s_m - way) % self.path.length_m, -way
+        )
         self.data.qpos[:] = rest
         self._shift_phases(self.state.rack[TRAVEL] + p.speed * settle_s, settle_s)
         set_off(p, self.state, self.data.qvel, self.chain_speed_m_s)
@@ -200,11 +205,17 @@ class Simulation:
             self.data.qvel.copy(),
             self.data.qacc.copy(),
         )
-        return Kept(self.parameters, self._given, data, tuple(part.copy() for part in self.state))
+        return Kept(
+            self.parameters,
+            self._given,
+            self.rails,
+            data,
+            tuple(part.copy() for part in self.state),
+        )
 
     def back_to(self, kept: Kept) -> None:
         """Stand again where a simulation of the same machine stood."""
-        self.parameters, self._given = kept.parameters, kept.given
+        self.parameters, self._given, self.rails = kept.parameters, kept.given, kept.rails
         self.data.time = kept.data[0]
         self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = kept.data[1:]
         for part, value in zip(self.state, kept.state, strict=True):
@@ -218,6 +229,7 @@ class Simulation:
                 f'rail: expected {survey.shape[1]} points of value and slope, found {rail.shape}'
             )
         self.parameters = self._given = self._given._replace(survey=survey + rail)
+        self.rails = make_rails(self._given)
 
     def _shift_phases(self, travel_m: float, time_s: float) -> None:
         """Make the phases given for a travel and a time of 0 hold at these instead."""
@@ -281,8 +293,9 @@ class Simulation:
         width = run.width_of(probes, self.machine.chain.n_links)
         record = np.zeros((-(-n_steps // stride), width))
         run.advance(
-            self.parameters, self.state, self.host, self.step_s, n_steps, stride, probes, record
-        )
+            self.parameters, self.rails, self.state, self.host, self.step_s, n_steps, stride,
+            probes, record,
+        )  # fmt: skip
         mujoco.mj_forward(self.model, self.data)
         if not np.isfinite(self.data.qpos).all():
             raise ExperimentError(f'the simulation diverged before {self.time_s:.3f} s')

@@ -10,6 +10,7 @@ from escalator_twin.physics.contact import rack_speed
 from escalator_twin.physics.kernel import accelerations
 from escalator_twin.physics.mjcall import call_step
 from escalator_twin.physics.parameters import Parameters
+from escalator_twin.physics.rails import Rails
 from escalator_twin.physics.state import State, TIME, TRAVEL
 from escalator_twin.signals import Floats
 
@@ -62,8 +63,8 @@ def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, si
     for c in range(m):
         ax += (out[i + 1 + 2 * c] + out[j + 1 + 2 * c]) / (2.0 * m)
         az += (out[i + 2 + 2 * c] + out[j + 2 + 2 * c]) / (2.0 * m)
-        ex += state.direction[c, index, 0]
-        ez += state.direction[c, index, 1]
+        ex += state.direction[0, c, index]
+        ez += state.direction[1, c, index]
     length = np.sqrt(ex * ex + ez * ez)
     if kind == ACCEL_X:
         return (ax * ex + az * ez) / length
@@ -101,8 +102,8 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
         for c in range(m):
             ax += (out[a + 1 + 2 * c] + out[b + 1 + 2 * c]) / (2.0 * m)
             az += (out[a + 2 + 2 * c] + out[b + 2 + 2 * c]) / (2.0 * m)
-            ex += state.direction[c, i, 0]
-            ez += state.direction[c, i, 1]
+            ex += state.direction[0, c, i]
+            ez += state.direction[1, c, i]
         length = np.sqrt(ex * ex + ez * ez)
         row[3 + 2 * n + i] = (ax * ex + az * ez) / length
         row[3 + 3 * n + i] = 0.5 * (out[a] + out[b])
@@ -113,7 +114,7 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
 
 @compiled
 def advance(
-    p: Parameters, state: State, host: Host, h: float, n_steps: int, stride: int,
+    p: Parameters, rails: Rails, state: State, host: Host, h: float, n_steps: int, stride: int,
     probes: NDArray[np.int64], record: Floats,
 ) -> None:  # fmt: skip
     """Run ``n_steps`` steps of ``h`` seconds; record every ``stride``-th from the first on."""
@@ -121,7 +122,7 @@ def advance(
     mass, weight, rack, roll, speed = host.mass, host.weight, state.rack, state.roll, state.speed
     out, v = state.acceleration, state.velocity
     for k in range(n_steps):
-        accelerations(p, state, q, w, v, h)
+        accelerations(p, rails, state, q, w, v, h)
         if k % stride == 0 and len(probes) == 1 and probes[0, 0] == EVERYTHING:
             read_all(p, state, q, record[k // stride])
         elif k % stride == 0:
@@ -151,7 +152,14 @@ def move_rack(p: Parameters, rack: Floats, h: float) -> None:
 
 @compiled
 def relax(
-    p: Parameters, state: State, q: Floats, w: Floats, h: float, n_steps: int, rate: float
+    p: Parameters,
+    rails: Rails,
+    state: State,
+    q: Floats,
+    w: Floats,
+    h: float,
+    n_steps: int,
+    rate: float,
 ) -> float:
     """Let the machine come to rest at a fixed rack, all rollers dragged as if they moved.
 
@@ -167,7 +175,7 @@ def relax(
     keep = 1.0 - h * rate
     worst = 0.0
     for k in range(n_steps):
-        accelerations(p, state, q, w, v, h)
+        accelerations(p, rails, state, q, w, v, h)
         worst = 0.0
         for i in range(len(q)):
             w[i] = keep * w[i] + h * out[i]

@@ -7,6 +7,7 @@ from escalator_twin.physics import run
 from escalator_twin.physics.parameters import Parameters
 from escalator_twin.physics.path import GuidePath, point_at, START
 from escalator_twin.physics.polygon import inscribe
+from escalator_twin.physics.rails import Rails
 from escalator_twin.physics.state import NO_DOG, ROLLING, State
 from escalator_twin.signals import Floats
 
@@ -17,13 +18,13 @@ AT_REST = 1e-3  # m/s, largest speed that passes for rest
 
 
 def find_rest(
-    p: Parameters, state: State, path: GuidePath, place_m: float, rolled_m: float
+    p: Parameters, rails: Rails, state: State, path: GuidePath, place_m: float, rolled_m: float
 ) -> Floats:
     """Return the coordinates at rest with axle 0 about at a place and the rack held there.
 
     Parameters
     ----------
-    p, state : Parameters, State
+    p, rails, state : Parameters, Rails, State
         Of the force law; the state becomes that of the rest.
     path : GuidePath
         The guide.
@@ -44,7 +45,7 @@ def find_rest(
         q = _polygon_pose(p, state, path, place_m)
         state.roll[:] = rolled_m
         w = np.zeros_like(q)
-        worst = run.relax(free, state, q, w, step_s, round(RELAX_S / step_s), RELAX_RATE)
+        worst = run.relax(free, rails, state, q, w, step_s, round(RELAX_S / step_s), RELAX_RATE)
         if np.isfinite(q).all() and worst < AT_REST:
             state.rack[ROLLING] = 0.0
             return q

@@ -14,6 +14,8 @@ TRAVEL, TIME, ROLLING = range(3)  # entries of ``rack``
 class State(NamedTuple):
     """Memory and results of the law; m sides, n axles, nv coordinates, c moving guide parts.
 
+    Axles come last: what is done to each end alike is done to several at once.
+
     The moving parts of the guide are the carriage and, where the frame is not rigid, the frame.
     """
 
@@ -27,14 +29,18 @@ class State(NamedTuple):
     tension: Floats  # (m, n)
     acceleration: Floats  # (nv,) of the last step
     velocity: Floats  # (nv,) at the step itself, extrapolated
-    direction: Floats  # (m, n, 2) of the links
-    force: Floats  # (m, n, 2) on the axle ends, N
-    inverse: Floats  # (m, n, 3): xx, xz, zz of an end's effective inverse mass
+    place: Floats  # (2, m, n): x, z of the axle ends
+    rate: Floats  # (2, m, n): their velocity at the step itself
+    middle: Floats  # (2, m, n): their velocity half a step before
+    contact: Floats  # (11, m, n), see the rows in ``contact``
+    direction: Floats  # (2, m, n) of the links
+    force: Floats  # (2, m, n) on the axle ends, N
+    inverse: Floats  # (3, m, n): xx, xz, zz of an end's effective inverse mass
     reaction: Floats  # (c,) on the moving parts, N
-    coupling: Floats  # (m, n, c, 2) force on an end per acceleration of a moving part, kg
+    coupling: Floats  # (c, 2, m, n) force on an end per acceleration of a moving part, kg
     inertia: Floats  # (c, c) of the moving parts, with what contacts add, kg
-    free: Floats  # (m, n, 1 + c, 2) accelerations without links: of the forces, of each coupling
-    work: Floats  # (m, n, 5 + c) of the links' system
+    free: Floats  # (1 + c, 2, m, n) accelerations of the ends: of the forces, of each coupling
+    work: Floats  # (7, m, n) of the links' system, see the rows in ``chain``
 
 
 def make_state(n_sides: int, n_axles: int, n_coordinates: int, n_moving: int) -> State:
@@ -51,12 +57,16 @@ def make_state(n_sides: int, n_axles: int, n_coordinates: int, n_moving: int) ->
         tension=np.zeros(shape),
         acceleration=np.zeros(n_coordinates),
         velocity=np.zeros(n_coordinates),
-        direction=np.zeros((*shape, 2)),
-        force=np.zeros((*shape, 2)),
-        inverse=np.zeros((*shape, 3)),
+        place=np.zeros((2, *shape)),
+        rate=np.zeros((2, *shape)),
+        middle=np.zeros((2, *shape)),
+        contact=np.zeros((11, *shape)),
+        direction=np.zeros((2, *shape)),
+        force=np.zeros((2, *shape)),
+        inverse=np.zeros((3, *shape)),
         reaction=np.zeros(n_moving),
-        coupling=np.zeros((*shape, n_moving, 2)),
+        coupling=np.zeros((n_moving, 2, *shape)),
         inertia=np.zeros((n_moving, n_moving)),
-        free=np.zeros((*shape, 1 + n_moving, 2)),
-        work=np.zeros((*shape, 5 + n_moving)),
+        free=np.zeros((1 + n_moving, 2, *shape)),
+        work=np.zeros((7, *shape)),
     )

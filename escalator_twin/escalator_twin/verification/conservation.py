@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.machine import Machine
-from escalator_twin.physics.contact import table_at
 from escalator_twin.physics.parameters import make_parameters, Parameters
 from escalator_twin.physics.path import build_path, CARRIAGE, find_segment, point_at, START
+from escalator_twin.physics.rails import rail_at
 from escalator_twin.physics.rollout import Simulation
 from escalator_twin.signals import Floats
 from escalator_twin.verification.figure import Figure
@@ -58,11 +58,11 @@ def energies(simulation: Simulation, velocity: Floats) -> tuple[float, float]:
         for i in range(n):
             k, local, offset, _, _ = _project(p, simulation, side, i)
             s = p.segments[k, START] + local
-            value, _ = table_at(p.survey, side, s * per_m, per_m)
+            value, _ = rail_at(simulation.rails.normal, side, s * per_m, per_m)
             beyond = max(abs(offset - value) - p.half_clearance, 0.0)
             potential += 0.5 * p.contact_stiffness * beyond**2
             if side == 0:
-                line, _ = table_at(p.lateral, 0, s * per_m, per_m)
+                line, _ = rail_at(simulation.rails.lateral, 0, s * per_m, per_m)
                 potential += 0.5 * p.lateral_stiffness * (ends[i, 0] - line) ** 2
     potential += 0.5 * p.carriage_stiffness * q[0] ** 2 - p.preload * q[0]
     return kinetic, potential
