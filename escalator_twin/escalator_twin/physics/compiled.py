@@ -15,10 +15,6 @@ from typing import Any, Literal
 from numba import njit
 from numba.core import config
 
-# What the compiler may do to sums and products, so that several numbers are worked on at once: order them
-# otherwise, and round a product with the sum that takes it once. What is not finite is kept as it is.
-REORDERED = {'contract', 'reassoc', 'nsz'}
-
 
 @cache
 def cache_folder() -> str:
@@ -54,9 +50,8 @@ def _compile(
     counting: dict[str, Any] = {'_nrt': allocates}
     try:
         return njit(
-            function, cache=True, nogil=True, error_model='numpy', fastmath=REORDERED,
-            inline=inline, **counting,
-        )  # fmt: skip
+            function, cache=True, nogil=True, error_model='numpy', inline=inline, **counting
+        )
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
 
