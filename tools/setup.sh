@@ -70,7 +70,8 @@ install_packages() {
     "${pip[@]}" -r "$venv/uv.txt" || die 'pip could not install uv (see above)'
     # Not "uv pip sync": the ROS wheels carry metadata of their parts, which it takes for strangers
     # and removes. Where uv cannot reach an index, pip may know a mirror or a proxy.
-    "$venv/bin/uv" pip install --python "$venv/bin/python" "${options[@]}" -r "$lock" \
+    # Compiled once: where Python may not write what it compiles, each command would take seconds more.
+    "$venv/bin/uv" pip install --python "$venv/bin/python" --compile-bytecode "${options[@]}" -r "$lock" \
         || "${pip[@]}" -r "$lock" \
         || die "the packages of $lock could not be installed (see above)"
 }
@@ -139,6 +140,9 @@ if [[ "$(cat "$stamp" 2>/dev/null)" != "$workspace_wanted" ]]; then
     )
     echo "$workspace_wanted" >"$stamp"
 fi
+
+# What has changed of the package itself: as above.
+"$venv/bin/python" -m compileall -q escalator_twin/escalator_twin
 
 # --- compiled physics ----------------------------------------------------------------------------
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 
-from escalator_twin.diagnosis.observation import Observation
+from escalator_twin.diagnosis.observation import Observation, slope_along
 from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
@@ -116,7 +116,7 @@ def nuisance_of(
 def shifts(observation: Observation, model: Floats, machine: Machine) -> dict[str, Floats]:
     """Return what course and clocks do to a model that is sampled a little off, (n, c) each."""
     speed = observation.frame.speed_m_s
-    slope = CubicSpline(observation.travel_m, model)(observation.travel_m, 1)
+    slope = slope_along(model, observation.frame.spacing_m)
     found: dict[str, Floats] = {'course': SHIFT_M * slope}
     seconds = observation.travel_m / speed
     for k, bump in enumerate(_bumps(seconds)):

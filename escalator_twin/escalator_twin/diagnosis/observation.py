@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
 from escalator_twin.comparison.judge import Judgement
@@ -14,6 +15,8 @@ from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats
 
 EDGE_S = 1.0  # of the recording left out at both ends: the filters' transients
+
+PAD = 12  # rows beyond an end, after which 1e-7 of what a spline does there is left
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,32 @@ def on_grid(
     rate = 1.0 / float(trace.time_s[1] - trace.time_s[0])
     picked = trace.columns[:, [columns[c] for c in observation.channels]]
     smooth = band_limited(picked, rate)
-    simulated: Floats = CubicSpline(trace.time_s * speed_m_s, smooth)(
-        observation.travel_m - shift_m
-    )
-    return simulated
+    return spline_at(smooth, (observation.travel_m - shift_m) / speed_m_s * rate)
+
+
+def slope_along(values: Floats, spacing_m: float) -> Floats:
+    """Return the slope per m, (n, c), of the cubic spline through columns of an even grid, on it."""
+    weights = _spline_weights(values)
+    slope = (weights[2:] - weights[:-2]) / (2.0 * spacing_m)
+    return np.asarray(slope[PAD - 1 : 1 - PAD])
+
+
+def spline_at(values: Floats, where: Floats) -> Floats:
+    """Return columns (n, c) of even samples at fractional rows, by the cubic spline through them."""
+    weights = _spline_weights(values)
+    first = np.clip(np.floor(where).astype(int), 0, len(values) - 2)
+    f = (where - first)[:, None]
+    g = 1.0 - f
+    k = first + PAD
+    # the four cubic B-splines about a place (de Boor 1978, chapter IX)
+    found = g**3 * weights[k - 1] + f**3 * weights[k + 2]
+    found += (4.0 - 3.0 * f**2 * (1.0 + g)) * weights[k]
+    found += (4.0 - 3.0 * g**2 * (1.0 + f)) * weights[k + 1]
+    return np.asarray(found / 6.0)
+
+
+def _spline_weights(values: Floats) -> Floats:
+    """Return the B-splines' weights of columns that go on beyond both ends, mirrored in their end points."""
+    padded = np.pad(values, ((PAD, PAD), (0, 0)), mode='reflect', reflect_type='odd')
+    weights: Floats = ndimage.spline_filter1d(padded, axis=0, mode='mirror')
+    return weights

@@ -6,12 +6,12 @@ from math import atan2, pi
 
 import numpy as np
 from scipy import fft
-from scipy.interpolate import CubicSpline
 
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import RATE_HZ
 from escalator_twin.diagnosis.knobs import turn_all
 from escalator_twin.diagnosis.loops import BAND_HZ
+from escalator_twin.diagnosis.observation import slope_along
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each, score_groups
 from escalator_twin.diagnosis.search import Search, wrapped
@@ -35,7 +35,7 @@ def drive_waves(search: Search) -> Iterator[Proposal]:
     observation = search.view.observation
     frame = observation.frame
     seconds = observation.travel_m / frame.speed_m_s
-    slope = CubicSpline(observation.travel_m, search.model)(observation.travel_m, 1)
+    slope = slope_along(search.model, observation.frame.spacing_m)
     along = np.array(
         [
             search.machine.instruments.sensor(channel).at.get('axis') == 'x'

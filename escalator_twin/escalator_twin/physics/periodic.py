@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from escalator_twin.machine import Sensor
 from escalator_twin.physics import run
+from escalator_twin.physics.compiled import compiled
 from escalator_twin.physics.parameters import Parameters
 from escalator_twin.physics.rollout import probe_of, Simulation, Trace
 from escalator_twin.signals import Floats
@@ -110,16 +112,30 @@ class Pitch:
         turn = np.floor(times_s / self.period_s).astype(int)
         where = (times_s - turn * self.period_s + self.margin_s) * self.rate_hz
         first, weights = _lagrange(where, len(self.rows))
-        seen = np.empty((len(times_s), len(probes)))
-        for k, probe in enumerate(probes):
-            columns = self.column(probe, turn)
-            values = [self.rows[first + i, columns] for i in range(len(weights))]
-            if probe[0] == run.PLACE:  # beside the first, wherever the loop begins anew
-                half = 0.5 * self.length_m
-                ahead = [(v - values[0] + half) % self.length_m - half for v in values]
-                values = [values[0] + way for way in ahead]
-            seen[:, k] = sum(w * v for w, v in zip(weights, values, strict=True))
+        columns = np.stack([self.column(probe, turn) for probe in probes], axis=1)
+        seen = np.empty(columns.shape)
+        weigh_rows(self.rows, first, np.stack(weights), columns, seen)
+        for k in np.flatnonzero(probes[:, 0] == run.PLACE):
+            # beside the first, wherever the loop begins anew
+            values = [self.rows[first + i, columns[:, k]] for i in range(len(weights))]
+            half = 0.5 * self.length_m
+            ahead = [(v - values[0] + half) % self.length_m - half for v in values]
+            seen[:, k] = values[0] + sum(w * a for w, a in zip(weights, ahead, strict=True))
         return seen
+
+
+@compiled
+def weigh_rows(
+    rows: Floats, first: NDArray[np.int64], weights: Floats, columns: NDArray[np.int64],
+    out: Floats,
+) -> None:  # fmt: skip
+    """Write sums of rows in succession from ``first`` (n,), by weights (r, n), of columns (n, p)."""
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            total = 0.0
+            for j in range(weights.shape[0]):
+                total += weights[j, i] * rows[first[i] + j, columns[i, k]]
+            out[i, k] = total
 
 
 def between(rows: np.ndarray, where: Floats) -> np.ndarray:
