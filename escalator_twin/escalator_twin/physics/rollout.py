@@ -14,7 +14,7 @@ from escalator_twin.physics.model import compiled_model, mass_diagonal
 from escalator_twin.physics.parameters import Parameters, SIDES
 from escalator_twin.physics.path import GuidePath
 from escalator_twin.physics.rails import make_rails, Rails
-from escalator_twin.physics.start import find_rest, set_off
+from escalator_twin.physics.start import find_rest, NEARLY_STILL, set_off, STILL
 from escalator_twin.physics.state import make_state, TIME, TRAVEL
 from escalator_twin.signals import Floats
 
@@ -182,8 +182,9 @@ class Simulation:
             )
         way = self.chain_speed_m_s * settle_s
         rest = find_rest(
-            p, self.rails, self.state, self.path, (start_s_m - way) % self.path.length_m, -way
-        )
+            p, self.rails, self.state, self.path, (start_s_m - way) % self.path.length_m, -way,
+            STILL if is_exact else NEARLY_STILL,
+        )  # fmt: skip
         self.data.qpos[:] = rest
         self._shift_phases(self.state.rack[TRAVEL] + p.speed * settle_s, settle_s)
         set_off(p, self.state, self.data.qvel, self.chain_speed_m_s)

@@ -160,11 +160,12 @@ def relax(
     h: float,
     n_steps: int,
     rate: float,
+    still: float,
 ) -> float:
     """Let the machine come to rest at a fixed rack, all rollers dragged as if they moved.
 
     Mass-proportional damping of ``rate`` (1/s) is laid over the same law; MuJoCo is not needed,
-    since only the state of rest is kept.
+    since only the state of rest is kept. It is at rest where nothing moves at ``still`` (m/s).
 
     Returns
     -------
@@ -181,6 +182,6 @@ def relax(
             w[i] = keep * w[i] + h * out[i]
             q[i] += h * w[i]
             worst = max(worst, abs(w[i]))
-        if worst < 1e-7 and k > 10:
+        if worst < still and k > 10:
             break
     return worst

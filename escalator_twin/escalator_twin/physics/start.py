@@ -15,10 +15,20 @@ RELAX_S = 8.0
 RELAX_STEPS_S = (2e-3, 5e-4, 1.25e-4)  # the next is tried where one fails: very stiff links
 RELAX_RATE = 12.0  # 1/s, about critical for the carriage on its spring with half the chain
 AT_REST = 1e-3  # m/s, largest speed that passes for rest
+STILL = 1e-7  # m/s, of a rest to be kept
+# The same where the machine runs for seconds before anything is recorded: the carriage is then some 5 um off,
+# of which a hundredth is left, in half the steps.
+NEARLY_STILL = 1e-4
 
 
 def find_rest(
-    p: Parameters, rails: Rails, state: State, path: GuidePath, place_m: float, rolled_m: float
+    p: Parameters,
+    rails: Rails,
+    state: State,
+    path: GuidePath,
+    place_m: float,
+    rolled_m: float,
+    still: float = STILL,
 ) -> Floats:
     """Return the coordinates at rest with axle 0 about at a place and the rack held there.
 
@@ -32,6 +42,8 @@ def find_rest(
         Path coordinate of axle 0, m.
     rolled_m : float
         The way that every roller has rolled, m, 0 being at the first sample.
+    still : float
+        Speed below which nothing moves, m/s.
 
     Raises
     ------
@@ -45,7 +57,9 @@ def find_rest(
         q = _polygon_pose(p, state, path, place_m)
         state.roll[:] = rolled_m
         w = np.zeros_like(q)
-        worst = run.relax(free, rails, state, q, w, step_s, round(RELAX_S / step_s), RELAX_RATE)
+        worst = run.relax(
+            free, rails, state, q, w, step_s, round(RELAX_S / step_s), RELAX_RATE, still
+        )
         if np.isfinite(q).all() and worst < AT_REST:
             state.rack[ROLLING] = 0.0
             return q
