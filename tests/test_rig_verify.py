@@ -64,13 +64,29 @@ def test_every_labelled_recording_is_tried_above(shared):
     assert {name for name, effects in labels.items() if effects} == set(LABELLED)
 
 
+def assert_alike(found, wanted):
+    """Compare two documents; a number's last bits are the processor's, which numpy picks its code by."""
+    if isinstance(wanted, dict):
+        assert found.keys() == wanted.keys()
+        for key, value in wanted.items():
+            assert_alike(found[key], value)
+    elif isinstance(wanted, list):
+        assert len(found) == len(wanted)
+        for one, other in zip(found, wanted, strict=True):
+            assert_alike(one, other)
+    elif isinstance(wanted, float):
+        assert found == pytest.approx(wanted, rel=1e-13, abs=1e-18)
+    else:
+        assert found == wanted
+
+
 @pytest.mark.parametrize('name', SAMPLES)
 def test_the_samples_are_what_the_generator_makes(root, tmp_path, name):
     made = make(SAMPLES[name])
     write(made, tmp_path / name, tmp_path / 'truth.json')
     assert messages(tmp_path / name) == messages(root / 'bags' / name)
     truth = (root / 'bags' / 'truth' / f'{name}.json').read_text()
-    assert json.loads((tmp_path / 'truth.json').read_text()) == json.loads(truth)
+    assert_alike(json.loads((tmp_path / 'truth.json').read_text()), json.loads(truth))
 
 
 def test_a_recording_of_110_s_takes_less_than_20_s_of_one_core():
