@@ -1,4 +1,4 @@
-"""The bars of issue 6 over many outcomes, as rows of JSON and as Markdown."""
+"""The bars of issues 6 and 7 over many outcomes, as rows of JSON and as Markdown."""
 
 from collections.abc import Callable, Iterator, Sequence
 from statistics import median
@@ -18,6 +18,7 @@ from benchmarks.scoring import (
 Row = dict[str, Any]
 SMALL = 'third'
 LEAST_OF_A_CAUSE = 0.60
+HALF = 0.5  # issue 7: of the amplitude above the floor, at the reference
 
 
 def figures(outcomes: Sequence[Outcome]) -> list[Row]:
@@ -47,9 +48,20 @@ def figures(outcomes: Sequence[Outcome]) -> list[Row]:
             'third_right_or_abstaining', [o.cause_right or o.abstained for o in small], least=0.95
         ),
         of_rate('third_right', [o.cause_right for o in small], least=0.60),
+        *of_gains(large),
         of_median('seconds', [o.seconds for o in outcomes]),
         of_largest('seconds_at_most', [o.seconds for o in outcomes], below=120.0),
         {'name': 'no_verdict', 'value': sum(o.failed for o in outcomes), 'trials': len(outcomes)},
+    ]
+
+
+def of_gains(outcomes: Sequence[Outcome]) -> list[Row]:
+    """Return how often a right name's gain on held-out samples is significant, and halves what is left."""
+    gains = [o.gain for o in outcomes if o.gain is not None]
+    left = [g.left_over for g in gains if g.left_over is not None]
+    return [
+        of_rate('gain_significant', [g.significant for g in gains], least=1.0),
+        of_rate('left_over_halved', [share <= HALF for share in left], least=1.0),
     ]
 
 

@@ -243,6 +243,59 @@ def test_belief_falls_back_on_what_was_weighed():
 # many verdicts
 
 
+def with_gain(found, before, after, held_before, held_after, significant=True):
+    """Return a verdict on one recording of two channels, with what is left of them."""
+    names = ('link_force/left_a', 'tensioner/displacement')
+    channels = {
+        name: {'chi2_before': b, 'chi2_after': a}
+        for name, b, a in zip(names, held_before, held_after, strict=True)
+    }
+    residual = {
+        when: {name: {'chi2': value} for name, value in zip(names, values, strict=True)}
+        for when, values in (('before', before), ('after', after))
+    }
+    return {
+        **verdict(found),
+        'gain': {'held_out': {'channels': channels, 'significant': significant}},
+        'by_recording': [{'residual': residual}],
+    }
+
+
+@pytest.mark.issue(7)
+def test_a_gain_counts_where_most_falls_above_the_floor():
+    held = (9.0, 2.0), (1.0, 1.0)
+    gain = judge(DRAG, with_gain(drag(), (3.0, 17.0), (0.9, 2.0), *held)).gain
+    assert gain.significant
+    assert gain.left_over == pytest.approx(0.25)  # of 16 above the floor 1
+    below = judge(DRAG, with_gain(drag(), (3.0, 17.0), (1.0, 0.8), *held)).gain
+    assert below.left_over == 0.0
+    nothing = judge(DRAG, with_gain(drag(), (0.9, 0.9), (0.8, 0.8), *held)).gain
+    assert nothing.left_over is None
+    assert judge(DRAG, with_gain(drag(axle=9), (3.0, 17.0), (1.0, 1.0), *held)).gain is None
+    assert judge(DRAG, {**verdict(drag()), 'gain': {'held_out': None}}).gain is None
+
+
+@pytest.mark.issue(7)
+def test_a_gauges_gain_shows_on_held_out_samples_alone():
+    # its nuisance has taken it before anything is named
+    truth = Truth('listed', 'gauge_gain', {'link': 'left_a'}, {'factor': 1.09}, 'reference')
+    found = effect('gauge_gain', {'link': 'left_a'}, {'factor': number(1.09, 1.08, 1.1)})
+    gain = judge(truth, with_gain(found, (1.0, 5.0), (1.0, 1.0), (5.0, 1.0), (2.0, 1.0))).gain
+    assert gain.left_over == pytest.approx(0.5)
+
+
+@pytest.mark.issue(7)
+def test_figures_of_gains():
+    gains = [
+        judge(DRAG, with_gain(drag(), (5.0, 1.0), (after, 1.0), (5.0, 1.0), (1.0, 1.0), sure))
+        for after, sure in ((1.5, True), (2.5, True), (1.0, False))
+    ]
+    rows = by_name([*gains, judge(DRAG, verdict(drag())), judge(NONE, verdict())])
+    assert (rows['gain_significant']['hits'], rows['gain_significant']['trials']) == (2, 3)
+    assert (rows['left_over_halved']['hits'], rows['left_over_halved']['trials']) == (2, 3)
+    assert not rows['left_over_halved']['met']
+
+
 def test_rates_carry_the_interval_of_clopper_and_pearson():
     # closed forms: all of n gives (alpha/2)^(1/n), none its mirror image
     assert Rate.of([True] * 10).low == pytest.approx(0.025**0.1)

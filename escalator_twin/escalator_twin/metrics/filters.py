@@ -1,5 +1,6 @@
 """Zero-phase filters on uniform grids, and bridges over samples that are missing."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ def lowpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
     """
     if cutoff_hz >= 0.5 * rate_hz or len(values) < 2:
         return values
-    sections = signal.butter(ORDER, cutoff_hz, fs=rate_hz, output='sos')
+    sections = _design(ORDER, float(cutoff_hz), 'lowpass', float(rate_hz))
     return zero_phase(sections, values, min(_pad(sections), len(values) - 1))
 
 
@@ -36,9 +37,17 @@ def highpass(values: Floats, cutoff_hz: float, rate_hz: float) -> Floats:
     """
     if not 0.0 < cutoff_hz < 0.5 * rate_hz or len(values) < 2:
         return np.zeros_like(values)
-    sections = signal.butter(HIGHPASS_ORDER, cutoff_hz, 'highpass', fs=rate_hz, output='sos')
+    sections = _design(HIGHPASS_ORDER, float(cutoff_hz), 'highpass', float(rate_hz))
     pad = min(int(3.0 * rate_hz / cutoff_hz), len(values) - 1)
     return zero_phase(sections, values, pad)
+
+
+# A design takes a millisecond, as long as filtering a minute of a channel; a recording asks for few, often.
+@lru_cache(maxsize=64)
+def _design(order: int, cutoff_hz: float, kind: str, rate_hz: float) -> Floats:
+    """Return the second-order sections of a Butterworth filter."""
+    sections: Floats = signal.butter(order, cutoff_hz, kind, fs=rate_hz, output='sos')
+    return sections
 
 
 def zero_phase(sections: Floats, values: Floats, pad: int) -> Floats:
