@@ -8,6 +8,7 @@ import trials
 from trials import CARRIAGE, case, deviation, link, probe, trial
 
 from escalator_twin.physics.contact import ramp
+from escalator_twin.physics.run import RACK
 from escalator_twin.physics.state import NO_DOG
 from escalator_twin.signals import Experiment, Floats
 from escalator_twin.twin import make_simulation
@@ -211,6 +212,29 @@ def test_speed_ripple_moves_the_chain_by_its_integral(item, amplitude, omega):
     # the integral of sin is -cos, at the phase asked for at the first sample
     assert cosine == pytest.approx(-amplitude, rel=0.02)
     assert sine == pytest.approx(0.0, abs=0.03 * amplitude)
+
+
+@pytest.mark.issue(7)
+def test_hunting_keeps_the_clock_of_a_machine_that_it_is_given():
+    size, frequency, step = 0.012, 0.9, 0.05
+    machine = replace(trials.prototype(), deviations=(
+        deviation('drive_hunting', frequency_hz=frequency, phase_rad=0.3),
+    ))  # fmt: skip
+    simulation = make_simulation(machine, case(0.5))
+    lateness = 0.2 * np.cos(0.8 * np.arange(200) * step)
+    simulation.keep_time(lateness, step)
+    simulation.start(5.0)
+    # as axle 0 came to the place some milliseconds off
+    phase = float(simulation.parameters.hunting[0, 2])
+    assert phase == pytest.approx(0.3, abs=0.05)
+    rack = simulation.advance(6.0, 100.0, np.array([[RACK, 0, 0]], np.int64))[:, 0]
+    time = np.arange(len(rack)) / 100.0
+    fine = np.linspace(0.0, time[-1], 20001)
+    clock = fine + 0.2 * np.cos(0.8 * fine)
+    speed = 0.5 * (1.0 + size * np.sin(2.0 * np.pi * frequency * clock + phase))
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
+    # between the table's points the clock is off by 0.2 0.8^2 0.05^2 / 8 s
+    assert rack - rack[0] == pytest.approx(np.interp(time, fine, way), abs=2e-6)
 
 
 def test_a_softer_drive_carries_the_same_load_with_more_lag():

@@ -9,6 +9,8 @@ from escalator_twin.diagnosis.drive import locks, refine_wave, told_apart
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.stage import lateness_of, LATENESS_STEP_S
+from escalator_twin.diagnosis.waves import as_locked, one_of_each
 
 pytestmark = pytest.mark.issue(6)
 
@@ -34,7 +36,7 @@ class Bench:
         turns = wave.parameters[KEYS[wave.cause]] * (
             self.direction * self.travel / PITCH_M
             if wave.cause == 'drive_ripple'
-            else self.travel / SPEED_M_S
+            else self.observation.time_s[:, 0]
         )
         wave_ = size * np.sin(2.0 * np.pi * turns + phase)
         return self.base + np.stack([wave_, -0.5 * wave_], axis=1)
@@ -85,6 +87,53 @@ def test_where_the_speed_wanders_time_is_told_from_travel(cause):
     # without a wander there is nothing to tell
     bench.observation.time_s = np.repeat((bench.travel / SPEED_M_S)[:, None], 2, axis=1)
     assert max(locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011))) < 1e-6
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize('direction', [1, -1], ids=['up', 'down'])
+@pytest.mark.parametrize('cause', KEYS)
+def test_at_an_even_speed_a_wave_is_the_same_in_the_other_lock(cause, direction):
+    bench = Bench(direction)
+    own = wave(cause, 0.37, 0.4)
+    (name,) = set(KEYS) - {cause}
+    other = as_locked(own, name, bench.observation.frame, direction)
+    assert other.cause == name
+    np.testing.assert_allclose(
+        bench.run((other.deviation,)), bench.run((own.deviation,)), atol=1e-12
+    )
+    back = as_locked(other, cause, bench.observation.frame, direction)
+    assert back.parameters == pytest.approx(own.parameters)
+
+
+@pytest.mark.issue(7)
+def test_of_all_waves_the_best_alone_is_fitted_with_all_else():
+    rows = [
+        SimpleNamespace(proposal=p)
+        for p in (
+            wave('drive_hunting', 0.37, 0.4),
+            wave('drive_ripple', 0.6, 0.4),
+            Proposal('tensioner_friction', {}, {'force_N': 80.0}, 0.0),
+        )
+    ]
+    assert one_of_each(rows) == [rows[0], rows[2]]
+
+
+@pytest.mark.issue(7)
+def test_the_lateness_is_by_how_much_later_the_recording_came_there():
+    speed, span = 0.4, 60.0
+    travel = SimpleNamespace(at=lambda t: speed * (t - 0.05 * np.sin(0.2 * t)))
+    setting = SimpleNamespace(
+        experiment=SimpleNamespace(set_speed_m_s=speed), duration_s=span, travel=travel
+    )
+    lateness = lateness_of(setting)
+    even = np.arange(len(lateness)) * LATENESS_STEP_S
+    assert even[-1] >= span
+    assert lateness.mean() == pytest.approx(0.0, abs=1e-12)
+    # but for one number, the phase of waves, the recording's clock where the even run is at a time
+    ahead = np.array([travel.at(t + late) for t, late in zip(even, lateness, strict=True)])
+    shift = (ahead - speed * even) / speed
+    assert np.ptp(shift) < 1e-3
+    assert np.ptp(lateness) > 0.09
 
 
 @pytest.mark.parametrize('off', [0.0, -5.0, -500.0])

@@ -341,6 +341,25 @@ def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, alone, tri
     assert [t.proposal.location['axle'] for t in found] == [38] * len(tried)
 
 
+def test_a_known_hunting_is_fitted_on_beside_a_further_effect(monkeypatch):
+    # kept as it was first told it had a frequency 0.2 % off, and the landing beside it was not found
+    hunting = Proposal(
+        'drive_hunting', {}, {'relative_amplitude': 0.01, 'frequency_hz': 1.048}, 7e3
+    )
+    fitted = []
+
+    def no_machine(_context, effects, *_, **__):
+        fitted.append([e.cause for e in effects])
+        raise EscalatorError('no such machine')
+
+    monkeypatch.setattr(fitting, 'polish', no_machine)
+    stage = SimpleNamespace(judged=lambda *_: 1e3, turned={})
+    refined = Refined(LANDING, None, None, 500.0, {}, None, ())
+    place = SimpleNamespace(stage=stage, fitted=None)
+    fitting.fitted_beside(None, place, (hunting,), refined, {})
+    assert fitted == [['drive_hunting', 'landing_length']]
+
+
 @pytest.mark.parametrize(('led_to', 'steps'), [(1.2e3, 1), (1.3e3, 0)])
 def test_what_tolerances_lead_far_above_is_not_fitted(monkeypatch, led_to, steps):
     place = SimpleNamespace(stage=SimpleNamespace(turned={}), level=led_to)

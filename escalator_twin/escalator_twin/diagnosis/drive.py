@@ -25,9 +25,7 @@ def refine_drive(
 ) -> tuple[Refined, Refined]:
     """Fit amplitude, phase and frequency of a wave of the drive's speed, once for each lock.
 
-    The twin runs at constant mean speed, so that travel and time are the same to it. A wave that is
-    locked to time meets the machine, whose speed wanders, at another phase: by the difference of
-    real time and travel over speed.
+    The twin runs at constant mean speed; what hunts keeps the recording's time, see `run_beside`.
 
     Parameters
     ----------
@@ -58,8 +56,6 @@ def refine_wave(
     observation = stage.observation
     frame = observation.frame
     seconds = observation.travel_m / frame.speed_m_s
-    late = observation.time_s - seconds[:, None]
-    late = late - late.mean(axis=0)
     key = 'frequency_hz' if in_time else 'cycles_per_pitch'
     per_hz = 1.0 if in_time else frame.pitch_m / frame.speed_m_s
     # the rack's travel, which a ripple is a wave of, falls where the machine runs down
@@ -69,12 +65,6 @@ def refine_wave(
     for _ in range(ROUNDS):
         size = proposal.parameters['relative_amplitude']
         one, two = _quarters(stage, base, proposal, jobs)
-        if in_time:
-            turn = 2.0 * np.pi * proposal.parameters[key] * late
-            one, two = (
-                one * np.cos(turn) + two * np.sin(turn),
-                two * np.cos(turn) - one * np.sin(turn),
-            )
         clock = seconds - seconds.mean()
         fast = sense * 2.0 * np.pi * clock[:, None] * two * size / per_hz
         columns = stage.columns(np.stack([one, two, fast], axis=2), proposal.cause)
@@ -138,8 +128,8 @@ def locks(stage: Stage, base: Floats, hunting: Proposal, jobs: int = 1) -> tuple
     one, two = _quarters(stage, base, hunting, jobs)
     turn = 2.0 * np.pi * hunting.parameters['frequency_hz'] * late
     rows = (
-        (one * np.cos(turn) + two * np.sin(turn), two * np.cos(turn) - one * np.sin(turn)),
         (one, two),
+        (one * np.cos(turn) - two * np.sin(turn), two * np.cos(turn) + one * np.sin(turn)),
     )
     clock = (seconds - seconds.mean())[:, None]
     waves = [wave for a, b in rows for wave in (a, b, clock * a, clock * b)]

@@ -17,7 +17,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.tuning import tuned
-from escalator_twin.diagnosis.waves import DRIVE, IN_TIME, realigned
+from escalator_twin.diagnosis.waves import DRIVE, realigned
 from escalator_twin.errors import EscalatorError
 
 # Times the chi squared without a cause: where the tolerances lead to more beside it, a fit of both does not
@@ -37,9 +37,8 @@ def approached(
     context: Context, place: Beside, known: Sequence[Proposal], refined: Refined, jobs: int
 ) -> tuple[Context, Mapping[str, float] | None]:
     """Return the tolerances that fit beside a cause and what is known, and what they do there."""
-    again, fixed = of_machine_among(known)
-    fit_one = JointFit(context, tuple(k.deviation for k in fixed), lambda p: freed(p, known))
-    effects = [*again, refined.proposal]
+    fit_one = JointFit(context, (), lambda p: freed(p, known))
+    effects = [*of_machine_among(known), refined.proposal]
     # what a known effect stands for is in its size
     stood_for = {e.nuisance for e in effects if e.nuisance is not None}
     turned = {k: z for k, z in place.stage.turned.items() if k not in stood_for}
@@ -51,11 +50,9 @@ def approached(
     return fit_one.context, there.stage.turned
 
 
-def of_machine_among(known: Sequence[Proposal]) -> tuple[list[Proposal], list[Proposal]]:
-    """Return the known effects of the machine that are fitted on, and those that stay."""
-    of_machine = [k for k in known if KNOWN[k.cause].of_machine]
-    again = [k for k in of_machine if k.cause not in IN_TIME]
-    return again, [k for k in of_machine if k.cause in IN_TIME]
+def of_machine_among(known: Sequence[Proposal]) -> list[Proposal]:
+    """Return the known effects of the machine: they are fitted on beside a further one."""
+    return [k for k in known if KNOWN[k.cause].of_machine]
 
 
 def plain(refined: Refined) -> Tried:
@@ -77,17 +74,13 @@ def fitted_beside(
     """
     if refined.proposal.cause in DRIVE:
         refined = realigned(context, place, refined, jobs)
-        if refined.proposal.cause in IN_TIME:
-            # the twin's own clock knows no wander: it cannot be run at every step
-            return plain(refined)
-    again, fixed = of_machine_among(known)
     before = place.stage.judged(place.fitted, refined.proposal.cause)
     try:
         polished = polish(
             context,
-            [*again, refined.proposal],
+            [*of_machine_among(known), refined.proposal],
             place.stage.turned if turned is None else turned,
-            fixed,
+            (),
             lambda p: freed(p, known),
             refined.proposal.cause in MOVES_RESONANCE,
             jobs,
@@ -123,7 +116,7 @@ def fit_again(
     jobs : int
         Simulations at a time.
     """
-    again, fixed = of_machine_among(known)
+    again = of_machine_among(known)
     turned = place.stage.turned
     if again:
         try:
@@ -131,7 +124,7 @@ def fit_again(
                 context,
                 again,
                 turned,
-                fixed,
+                (),
                 lambda p: freed(p, known),
                 any(e.cause in MOVES_RESONANCE for e in again),
                 jobs,
@@ -142,7 +135,7 @@ def fit_again(
         else:
             spreads = tuple(with_rest(context, sd) for sd in found.sd)
             return replace(found, sd=spreads)
-    deviations = tuple(k.deviation for k in (*again, *fixed))
+    deviations = tuple(k.deviation for k in again)
     return Polished(*tuned(context, deviations, jobs, turned), (), ())
 
 

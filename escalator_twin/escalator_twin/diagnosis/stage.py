@@ -20,6 +20,7 @@ from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Experiment, Floats
 from escalator_twin.twin import run_twin
 
+LATENESS_STEP_S = 0.1  # of a course whose knots are further apart
 LARGEST = 2.5  # standard deviations that a tolerance is turned by; what is beyond is an effect's
 
 
@@ -230,10 +231,30 @@ class Stage:
 
 
 def run_beside(machine: Machine, experiment: Experiment, setting: Setting) -> Trace:
-    """Run a machine as a recording ran."""
+    """Run a machine as a recording ran, at even speed; what hunts in time keeps the recording's."""
     args = machine.instruments.sensors, setting.start_s_m, setting.duration_s, RATE_HZ
     trace = run_periodic(built(machine, experiment), *args)
-    return trace if trace is not None else run_twin(built(machine, experiment), *args)
+    if trace is not None:
+        return trace
+    simulation = built(machine, experiment)
+    if len(simulation.parameters.hunting):
+        simulation.keep_time(lateness_of(setting), LATENESS_STEP_S)
+    return run_twin(simulation, *args)
+
+
+def lateness_of(setting: Setting) -> Floats:
+    """Return by how much later the recording came where an even run is, s, every `LATENESS_STEP_S`.
+
+    Less its mean: a wave's phase is that of an even run on the whole.
+    """
+    span = setting.duration_s
+    # the recording is a little longer or shorter than the run
+    time = np.arange(-0.1 * span, 1.1 * span, LATENESS_STEP_S)
+    even = np.arange(0.0, span + LATENESS_STEP_S, LATENESS_STEP_S)
+    there = np.interp(even * setting.experiment.set_speed_m_s, setting.travel.at(time), time)
+    lateness = there - even
+    found: Floats = lateness - lateness.mean()
+    return found
 
 
 def make_stage(

@@ -11,7 +11,6 @@ from escalator_twin.diagnosis.fitting import (
     approached,
     fitted_beside,
     MOVES_RESONANCE,
-    of_machine_among,
     plain,
 )
 from escalator_twin.diagnosis.floor import Floor, SHAKING
@@ -26,7 +25,7 @@ from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
-from escalator_twin.diagnosis.waves import DRIVE, locked, pairs
+from escalator_twin.diagnosis.waves import DRIVE, locked, one_of_each, pairs
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
@@ -113,7 +112,7 @@ def try_all(
         )
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
-        leading = [r for r in refined if r.gain > CLOSE * refined[0].gain][:2]
+        leading = one_of_each([r for r in refined if r.gain > CLOSE * refined[0].gain])[:2]
         leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
         fitted_again = _fitted_all(context, place, known, leading, jobs)
 
@@ -221,7 +220,6 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     if not is_open(polished.place, floor):
         return tried
     above, left = excess_of(place, floor), excess_of(polished.place, floor)
-    _, fixed = of_machine_among(known)
     worth = WORTH * left
 
     def free(beside: Beside) -> Beside:
@@ -232,12 +230,12 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     for _ in range(KICKED if left < MOST_LEFT * above else 0):
         if not is_open(whole.place, floor) or excess_of(whole.place, floor) < KICK_LEFT * above:
             break
-        kicked = polish_kicked(whole, fixed, free, jobs, worth)
+        kicked = polish_kicked(whole, (), free, jobs, worth)
         if kicked is None:
             break
         whole = kicked
     if is_open(whole.place, floor) and excess_of(whole.place, floor) >= WHOLE_LEFT * above:
-        whole = polish_whole(whole, fixed, free, jobs, worth)
+        whole = polish_whole(whole, (), free, jobs, worth)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:

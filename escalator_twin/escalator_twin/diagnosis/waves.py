@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import isclose
+from math import isclose, pi
 
 import numpy as np
 
@@ -17,8 +17,7 @@ from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
 CLOSE = 0.8  # of the best gain, from which the two locks are weighed
-DRIVE = ('drive_hunting', 'drive_ripple')
-IN_TIME = ('drive_hunting',)
+DRIVE = HUNTING, RIPPLE = ('drive_hunting', 'drive_ripple')
 
 
 def realigned(context: Context, place: Beside, refined: Refined, jobs: int = 1) -> Refined:
@@ -31,7 +30,7 @@ def realigned(context: Context, place: Beside, refined: Refined, jobs: int = 1) 
     bare = replace(anew.stage, machine=place.stage.machine)
     if bare.white_nuisance.shape[1] == place.stage.white_nuisance.shape[1]:
         bare = replace(bare, white_nuisance=bare.white_nuisance * _widths(place))
-    in_time = refined.proposal.cause in IN_TIME
+    in_time = refined.proposal.cause == HUNTING
     again = refine_wave(bare, bare.run(), place.fitted, refined.proposal, in_time, jobs)
     cause = refined.proposal.cause
     gain = place.stage.judged(place.fitted, cause) - bare.judged(again.fitted, cause)
@@ -52,30 +51,74 @@ def _widths(place: Beside) -> np.ndarray:
 
 
 def locked(context: Context, place: Beside, tried: list[Tried], jobs: int = 1) -> list[Tried]:
-    """Weigh hunting against ripple of one wave by the same runs."""
+    """Weigh hunting against ripple of one wave by the same runs.
+
+    One of them was fitted together with the tolerances; where it is the other, that begins from there.
+    """
     waves = {cause: next((t for t in tried if t.proposal.cause == cause), None) for cause in DRIVE}
-    hunting, ripple = waves['drive_hunting'], waves['drive_ripple']
+    hunting, ripple = waves[HUNTING], waves[RIPPLE]
     if hunting is None or ripple is None:
         return tried
-    best = max(hunting.gain, ripple.gain)
-    if best < CLOSE * max(t.gain for t in tried):
+    first = max((hunting, ripple), key=lambda t: t.gain)
+    if first.gain < CLOSE * max(t.gain for t in tried):
         return tried
-    deviations = (*_known(context, place), hunting.proposal.deviation)
-    anew = beside(context, deviations, steps=1, turned=place.stage.turned)
+    frame, direction = place.stage.observation.frame, context.setting.experiment.direction
+    in_time = as_locked(first.proposal, HUNTING, frame, direction)
+    turned = place.stage.turned if first.polished is None else first.polished.place.stage.turned
+    deviations = (*_known(context, place), in_time.deviation)
+    anew = beside(context, deviations, steps=1, turned=turned)
     bare = replace(anew.stage, machine=place.stage.machine)
-    in_time, in_travel = locks(bare, bare.run(), hunting.proposal, jobs)
-    weighed = {
-        id(hunting): replace(hunting, gain=best - in_time),
-        id(ripple): replace(ripple, gain=best - in_travel),
-    }
-    return [weighed.get(id(t), t) for t in tried]
+    higher = dict(zip(DRIVE, locks(bare, bare.run(), in_time, jobs), strict=True))
+
+    def weighed(one: Tried) -> Tried:
+        cause = one.proposal.cause
+        gain = first.gain - higher[cause]
+        if one is first:
+            return replace(one, gain=gain)
+        return Tried(as_locked(first.proposal, cause, frame, direction), gain, one.sd)
+
+    return [weighed(t) if t is hunting or t is ripple else t for t in tried]
+
+
+def as_locked(wave: Proposal, cause: str, frame: Frame, direction: int) -> Proposal:
+    """Return a wave of the drive as one that is locked to time, or to travel, at an even speed.
+
+    A ripple is a wave of the rack's travel, which falls where the machine runs down.
+    """
+    if wave.cause == cause:
+        return wave
+    numbers = dict(wave.parameters)
+    pitch_s = frame.pitch_m / frame.speed_m_s
+    if cause == RIPPLE:
+        numbers['cycles_per_pitch'] = numbers.pop('frequency_hz') * pitch_s
+    else:
+        numbers['frequency_hz'] = numbers.pop('cycles_per_pitch') / pitch_s
+    phase = numbers['phase_rad'] if direction > 0 else pi - numbers['phase_rad']
+    numbers['phase_rad'] = (phase + pi) % (2.0 * pi) - pi
+    names = {'frequency_hz': 'cycles_per_pitch', 'cycles_per_pitch': 'frequency_hz'}
+    fitted = tuple(names.get(key, key) for key in wave.fitted)
+    return replace(wave, cause=cause, parameters=numbers, fitted=fitted, sd={})
+
+
+def one_of_each(refined: Sequence[Refined]) -> list[Refined]:
+    """Return what was refined, of all waves of the drive the best alone.
+
+    Locked to time or to travel it is much the same wave, and is fitted with all else once; which it is, `locked`
+    weighs.
+    """
+    kept: list[Refined] = []
+    for one in refined:
+        if one.proposal.cause in DRIVE and any(k.proposal.cause in DRIVE for k in kept):
+            continue
+        kept.append(one)
+    return kept
 
 
 def pairs(contenders: Sequence[Proposal], frame: Frame) -> list[tuple[Proposal, Proposal]]:
     """Return hunting and ripple of one frequency together."""
     pitch_s = frame.pitch_m / frame.speed_m_s
-    hunting = [p for p in contenders if p.cause == 'drive_hunting']
-    ripple = [p for p in contenders if p.cause == 'drive_ripple']
+    hunting = [p for p in contenders if p.cause == HUNTING]
+    ripple = [p for p in contenders if p.cause == RIPPLE]
     return [
         (h, r)
         for h in hunting

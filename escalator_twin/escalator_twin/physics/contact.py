@@ -54,16 +54,31 @@ def tread(turn: float, eccentricity: Floats, flat: Floats) -> float:
 
 
 @compiled
+def hunting_time(time_s: float, lateness: Floats, step_s: float) -> float:
+    """Return the time by the clock that hunting keeps, s.
+
+    A run at even speed beside a machine whose speed wanders comes to a place sooner or later: the lateness,
+    ``step_s`` apart from a time of 0 on and linear between, is by how much later the machine is there.
+    """
+    last = len(lateness) - 1
+    where = min(max(time_s / step_s, 0.0), float(last))
+    k = min(int(where), last)
+    beyond = where - k
+    return time_s + (1.0 - beyond) * lateness[k] + beyond * lateness[min(k + 1, last)]
+
+
+@compiled
 def rack_speed(
-    speed: float, pitch_m: float, ripple: Floats, hunting: Floats, rack: Floats
-) -> float:
+    speed: float, pitch_m: float, ripple: Floats, hunting: Floats, lateness: Floats,
+    lateness_step_s: float, rack: Floats,
+) -> float:  # fmt: skip
     """Return the rack's speed with its ripple, m/s."""
     factor = 1.0
     for k in range(len(ripple)):
         turns = ripple[k, 1] * rack[TRAVEL] / pitch_m
         factor += ripple[k, 0] * np.sin(2.0 * np.pi * turns + ripple[k, 2])
     for k in range(len(hunting)):
-        turns = hunting[k, 1] * rack[TIME]
+        turns = hunting[k, 1] * hunting_time(rack[TIME], lateness, lateness_step_s)
         factor += hunting[k, 0] * np.sin(2.0 * np.pi * turns + hunting[k, 2])
     return speed * factor
 
@@ -236,7 +251,7 @@ def grip(p: Parameters, state: State, h: float) -> None:
         state.contact,
     )
     rate, middle = state.rate, state.middle
-    rack_v = rack_speed(p.speed, p.pitch_m, p.ripple, p.hunting, rack)
+    rack_v = rack_speed(p.speed, p.pitch_m, p.ripple, p.hunting, p.lateness, p.lateness_step, rack)
     drive_mass = 0.5 * h * c_d + 0.25 * h * h * k_d
     m, n = state.s.shape
     for side in range(m):

@@ -56,6 +56,8 @@ class Parameters(NamedTuple):
     dog_spacing: float  # along the path
     ripple: Floats  # (k, 3): relative amplitude, cycles per pitch, phase rad
     hunting: Floats  # (k, 3): relative amplitude, Hz, phase rad
+    lateness: Floats  # (j,) of the clock that hunting keeps behind that of the run, s; see `hunting_time`
+    lateness_step: float  # s
     speed: float  # of the rack, signed, m/s
     carriage_mass: float
     carriage_stiffness: float
@@ -142,6 +144,8 @@ def make_parameters(machine: Machine, experiment: Experiment, planar: bool = Fal
         dog_spacing=spacing,
         ripple=np.zeros((0, 3)),
         hunting=np.zeros((0, 3)),
+        lateness=np.zeros(1),
+        lateness_step=1.0,
         speed=float(experiment.direction * experiment.set_speed_m_s),
         carriage_mass=machine.tensioner.mass_kg,
         carriage_stiffness=machine.tensioner.stiffness_n_m,

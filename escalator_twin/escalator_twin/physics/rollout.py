@@ -175,7 +175,8 @@ class Simulation:
         ExperimentError
             Where the place is not on the loop or the equilibrium cannot be found.
         """
-        p = self.parameters = self._given
+        # before the run begins it is as late as there
+        p = self.parameters = self._given._replace(lateness=self._given.lateness[:1])
         if not 0.0 <= start_s_m < self.path.length_m:
             raise ExperimentError(
                 f'start_s: expected 0 to {self.path.length_m:.4f} m, found {start_s_m!r}'
@@ -195,6 +196,7 @@ class Simulation:
             if is_exact:
                 self._run_to(start_s_m, 3.0 * margin)
         self._shift_phases(0.0, -self.time_s)
+        self.parameters = self.parameters._replace(lateness=self._given.lateness)
         self.state.rack[TIME] = 0.0
         self.data.time = 0.0
 
@@ -231,6 +233,21 @@ class Simulation:
             )
         self.parameters = self._given = self._given._replace(survey=survey + rail)
         self.rails = make_rails(self._given)
+
+    def keep_time(self, lateness_s: Floats, step_s: float) -> None:
+        """Let what hunts in time keep the clock of a machine whose speed wanders.
+
+        Parameters
+        ----------
+        lateness_s : (n,) float64
+            By how much later than this run, whose speed is even, that machine came where this one is, s; from
+            the run's start on.
+        step_s : float
+            From one to the next.
+        """
+        self.parameters = self._given = self._given._replace(
+            lateness=np.asarray(lateness_s, np.float64), lateness_step=float(step_s)
+        )
 
     def _shift_phases(self, travel_m: float, time_s: float) -> None:
         """Make the phases given for a travel and a time of 0 hold at these instead."""

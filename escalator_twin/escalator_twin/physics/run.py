@@ -145,7 +145,7 @@ def move_rack(p: Parameters, rack: Floats, h: float) -> None:
     """Move the rack on by one step, by its speed in the middle of the step."""
     rack[TRAVEL] += 0.5 * h * p.speed
     rack[TIME] += 0.5 * h
-    speed = rack_speed(p.speed, p.pitch_m, p.ripple, p.hunting, rack)
+    speed = rack_speed(p.speed, p.pitch_m, p.ripple, p.hunting, p.lateness, p.lateness_step, rack)
     rack[TRAVEL] += h * (speed - 0.5 * p.speed)
     rack[TIME] += 0.5 * h
 
