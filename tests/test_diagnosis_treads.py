@@ -4,6 +4,7 @@ import json
 from math import cos, exp, pi
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from rig.hidden import plan, write_hidden
 import trials
@@ -15,7 +16,13 @@ from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.search import Search, WORTH
 from escalator_twin.diagnosis.search_rails import rail_steps
-from escalator_twin.diagnosis.search_treads import eccentric, FLAT_LEAST, FLAT_MOST, flats
+from escalator_twin.diagnosis.search_treads import (
+    eccentric,
+    FLAT_LEAST,
+    FLAT_MOST,
+    flats,
+    unfolded,
+)
 from escalator_twin.diagnosis.view import View
 
 pytestmark = pytest.mark.issue(6)
@@ -64,6 +71,28 @@ def test_a_tread_is_found_with_size_and_phase_before_it_is_run(
     stage = search.stage
     after = stage.judged(stage.fit(stage.run((best.deviation,))), cause)
     assert stage.judged(search.fitted, cause) - after == pytest.approx(best.gain, rel=0.15)
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize('sense', [1, -1], ids=['up', 'down'])
+def test_orders_of_a_spot_are_told_from_fewer_phases(sense):
+    # of every order a wave that changes along the loop five times as slowly as phases lie apart
+    n, turns, phases, count = 4096, 64, 24, 20
+    place = np.arange(n) / n
+    turned = sense * 2.0 * pi * turns * place + 0.7
+    rng = np.random.default_rng(8)
+    slow = rng.integers(-turns * phases // 10, turns * phases // 10, (count, 2))
+    size = rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2))
+    waves = size[:, None] * np.exp(2j * pi * slow[:, None] * place[:, None])
+    waves[0] = waves[0].real
+    orders = waves * np.exp(1j * np.arange(count)[:, None] * turned)[:, :, None]
+    phase = 2.0 * pi * np.arange(phases) / phases
+    twice = np.where(np.arange(count) > 0, 2.0, 1.0)
+    flats = np.real(np.einsum('h,hnc,hk->knc', twice, orders, np.exp(
+        1j * np.outer(np.arange(count), phase)
+    )))  # fmt: skip
+    found = unfolded(flats.astype(np.float32), turned, count)
+    np.testing.assert_allclose(found, orders, atol=2e-4)
 
 
 def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):

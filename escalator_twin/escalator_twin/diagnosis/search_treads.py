@@ -10,7 +10,7 @@ from scipy import fft
 from escalator_twin.diagnosis.knobs import turn_all
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inner_products, score_groups
-from escalator_twin.diagnosis.responses import find_flats
+from escalator_twin.diagnosis.responses import at_sensors, find_flats
 from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
 from escalator_twin.signals import Floats
 
@@ -67,22 +67,57 @@ def flats(search: Search) -> Iterator[Proposal]:
     )
     found, rolled = find_flats(machine, experiment, search.view.responses, search.jobs)
     before = stage.rolled_at_start()
-    orders = fft.rfft(found, axis=0)[: len(found) // 2] / np.float32(len(found))
     with ThreadPoolExecutor(max(1, search.jobs)) as pool:
-        spots = pool.map(lambda p: _spot(search, orders, rolled, before, p), turning)
+        spots = pool.map(lambda p: _spot(search, found, rolled, before, p), turning)
         yield from best([spot for spot in spots if spot.gain > 0.0], 3)
 
 
+def unfolded(flats: np.ndarray, turned: Floats, count: int) -> np.ndarray:
+    """Return what a spot does as a series of its phase, from fewer phases than orders.
+
+    At a place of the loop a roller has turned by an angle that it shares with a spot of another phase elsewhere:
+    what a spot at an angle does changes slowly from place to place. Phases fold an order onto others that are
+    their number apart, whose waves along the loop are as far apart: each is taken where it lies.
+
+    Parameters
+    ----------
+    flats : (phases, n_loop, c) float32
+        At evenly spaced phases, of a whole turn.
+    turned : (n_loop,) float64
+        By the roller, rad, of either sense.
+    count : int
+
+    Returns
+    -------
+    orders : (count, n_loop, c) complex64
+        Orders 0 to count - 1 per turn, of which the signals are the real part, twice those above 0.
+    """
+    phases, n, _ = flats.shape
+    folded = fft.fft(flats, axis=0) / np.float32(phases)
+    if phases >= 2 * count:
+        return np.asarray(folded[:count])
+    per_turn = 2.0 * pi * (n - 1) / abs(turned[-1] - turned[0])
+    away = np.abs(fft.fftfreq(n)) * per_turn / phases  # of the distance of two orders in one
+    # one half way between two; what is 1/8 on either side goes over smoothly
+    share = 0.5 - 0.5 * np.cos(pi * np.clip((0.625 - away) / 0.25, 0.0, 1.0))
+    orders = np.empty((count, *flats.shape[1:]), np.complex64)
+    for order in range(count):
+        carrier = np.exp(1j * order * turned)[:, None]
+        slow = fft.fft(folded[order % phases] * carrier.conj(), axis=0) * share[:, None]
+        orders[order] = fft.ifft(slow, axis=0) * carrier
+    return orders
+
+
 def _spot(
-    search: Search, orders: np.ndarray, rolled_m: Floats, before_m: Floats, like: Proposal
+    search: Search, flats: np.ndarray, rolled_m: Floats, before_m: Floats, like: Proposal
 ) -> Proposal:
     """Return the flat spot that explains most on a roller that may be eccentric.
 
     Parameters
     ----------
     search : Search
-    orders : (h, n_loop, 1 + 5 n) complex64
-        Of what a spot does, as a series of its phase: orders 0 to h - 1 per turn.
+    flats : (phases, n_loop, 1 + 5 n) float32
+        What a spot does, see `find_flats`.
     rolled_m : (n_loop + 1,) float64
         Of axle 0 in the runs behind that.
     before_m : (n_links,) float64
@@ -93,12 +128,15 @@ def _spot(
     view = search.view
     axle, side = like.location['axle'], like.location['side'] == SIDES[1]
     assert isinstance(axle, int)
+    frame, radius = view.observation.frame, view.responses.radius_m
+    picked = at_sensors(flats, view.probes, view.n_links, axle, side)
+    # as many as the grid has points in half a turn
+    orders = unfolded(picked, rolled_m[:-1] / radius, ceil(pi * radius / frame.spacing_m))
     waves = np.stack(
-        [view.turning(wave, rolled_m, axle, side, order) for order, wave in enumerate(orders)],
-        axis=2,
+        [view.rolling(wave, rolled_m, axle, order) for order, wave in enumerate(orders)], axis=2
     )
     waves[:, :, 1:] *= 2.0
-    turned = view.direction * view.observation.travel_m / view.responses.radius_m
+    turned = view.direction * view.observation.travel_m / radius
     number = np.arange(len(orders))
     grid = 2.0 * pi * np.arange(FLAT_GRID) / FLAT_GRID
     series = np.exp(1j * grid[:, None] * number)

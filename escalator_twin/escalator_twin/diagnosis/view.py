@@ -65,15 +65,21 @@ class View:
         return np.stack(views, axis=2)
 
     def turning(
-        self, waves: np.ndarray, rolled_m: Floats, index: int, mirrored: bool, order: int = 1
+        self, waves: np.ndarray, rolled_m: Floats, index: int, mirrored: bool
     ) -> np.ndarray:
-        """Return a complex response to a tread's wave of some order per turn: (n, c).
+        """Return a complex response to a tread's wave of one order per turn: (n, c).
 
         ``rolled_m`` (n_loop + 1,) is the way that axle 0 rolled in the run behind ``waves``.
         """
+        picked = at_sensors(waves, self.probes, self.n_links, index, mirrored)
+        return self.rolling(picked, rolled_m, index)
+
+    def rolling(
+        self, picked: np.ndarray, rolled_m: Floats, index: int, order: int = 1
+    ) -> np.ndarray:
+        """Return the same of what the sensors see already, (n_loop, c), of any order per turn."""
         frame = self.observation.frame
         where = self.unwrapped(index)
-        picked = at_sensors(waves, self.probes, self.n_links, index, mirrored)
         loops = where // frame.n_loop
         per_loop = (rolled_m[-1] - rolled_m[0]) / self.responses.radius_m
         turn = np.exp(1j * order * per_loop * loops).astype(np.complex64)
