@@ -72,7 +72,7 @@ FAR: tuple[tuple[str, str, float], ...] = (
 )
 ECCENTRICITY_M, FLAT_M = 4e-4, 6e-4
 # Along the tread between the phases at which a flat spot is run. What it does changes slowly along the guide: told from
-# 24 of 48 phases it was off by 7 % in amplitude at 0.26 m/s, from 12 of 24 at 0.5 m/s by 10 %.
+# 23 of 46 phases it was off by 7 % in amplitude at 0.26 m/s, from 12 of 24 at 0.5 m/s by 10 %.
 SPOT_M = 0.0105
 
 
