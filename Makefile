@@ -9,6 +9,8 @@ SHELL := /bin/bash
     campaign-diagnosis hidden floor kwon-floor lint lock clean
 
 PYTEST_ARGS ?=
+# test files at a time: each file by one process, whose ROS domain is its own
+TEST_JOBS ?= 2
 
 setup:
 	@tools/setup.sh
@@ -22,7 +24,8 @@ demo: setup
 test: setup
 	@. tools/env.sh
 	export PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
-	exec .venv/bin/python -m pytest -p pytest_timeout --timeout=600 tests $(PYTEST_ARGS)
+	exec .venv/bin/python -m pytest -p pytest_timeout -p xdist.plugin -n $(TEST_JOBS) --dist loadfile \
+	    --timeout=600 tests $(PYTEST_ARGS)
 
 # The tests that take minutes as well.
 test-long: setup
