@@ -99,6 +99,37 @@ def fitted_beside(
     return Tried(proposal, gain, spreads[-1], polished)
 
 
+def fitted_near(known: Sequence[Proposal], tried: Tried, near: Polished, jobs: int = 1) -> Tried:
+    """Fit what was weighed alone with all else too, from where nearly the same effect ended.
+
+    Parameters
+    ----------
+    known : sequence of Proposal
+        Of machine and measurement.
+    tried : Tried
+    near : Polished
+        The known effects of the machine, fitted, and last the one that this one is nearly the same as.
+    jobs : int
+        Simulations at a time.
+    """
+    try:
+        polished = polish(
+            near.context,
+            [*near.effects[:-1], tried.proposal],
+            near.place.stage.turned,
+            (),
+            lambda p: freed(p, known),
+            jobs=jobs,
+            steps=STEPS_AT_LENGTH,
+            is_near=True,
+        )
+    except EscalatorError:
+        return tried
+    spreads = tuple(with_rest(near.context, sd) for sd in polished.sd)
+    polished = replace(polished, sd=spreads)
+    return Tried(polished.effects[-1], tried.gain, spreads[-1], polished)
+
+
 def fit_again(
     context: Context, place: Beside, known: Sequence[Proposal], jobs: int = 1
 ) -> Polished:

@@ -10,6 +10,7 @@ from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import (
     approached,
     fitted_beside,
+    fitted_near,
     MOVES_RESONANCE,
     plain,
 )
@@ -130,6 +131,7 @@ def try_all(
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = shared(place, locked(context, place, fitted_again + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
+    tried = _locked_better(known, tried, jobs)
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
 
 
@@ -158,6 +160,14 @@ def _falls(place: Beside, polished: Polished) -> tuple[float, float]:
     rows = [(p.stage.judged(p.fitted), p.fitted.chi2) for p in (place, polished.place)]
     (before, whole_before), (after, whole_after) = rows
     return before - after, (whole_before - before) - (whole_after - after)
+
+
+def _locked_better(known: Sequence[Proposal], tried: list[Tried], jobs: int) -> list[Tried]:
+    """Fit the best with all else, where it is a wave that was fitted so with the other lock alone."""
+    if not tried or tried[0].polished is not None or tried[0].proposal.cause not in DRIVE:
+        return tried
+    near = next((t.polished for t in tried if t.polished and t.proposal.cause in DRIVE), None)
+    return tried if near is None else [fitted_near(known, tried[0], near, jobs), *tried[1:]]
 
 
 def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
