@@ -64,11 +64,16 @@ def show_instruments(seeded: Path) -> None:
     for link, gauges in rows.items():
         slow = low_pass(gauges.T, ONBOARD_HZ)[:, 400:-400]
         drift = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, slow.shape[1]), 4)
+        bent = (slow[0] + slow[2] - slow[1] - slow[3]) / 2.0
+        parts = np.column_stack([slow.mean(axis=0), bent, drift])
         found = [
-            np.linalg.lstsq(np.column_stack([slow[a], drift]), slow[b], rcond=None)[0][0]
+            np.linalg.lstsq(parts, slow[a] - slow[b], rcond=None)[0][:2]
             for a, b in ((0, 2), (1, 3))
         ]
-        print(f'gauges of {link}: 3 over 1 {found[0]:.3f}, 4 over 2 {found[1]:.3f}')
+        told = ', '.join(f'{axial:.3f} and {edge:.3f}' for axial, edge in found)
+        print(
+            f'gauges of {link}, 1 less 3 and 2 less 4, of the axial strain and of the bending: {told}'
+        )
 
 
 def travelled(path: Path) -> tuple[Measured, Loop, FloatArray, float]:
