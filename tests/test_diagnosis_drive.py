@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis.drive import locks, refine_wave, told_apart
+from escalator_twin.diagnosis.drive import LOCK_SCATTER, locks, refine_wave, told_apart
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
@@ -136,12 +136,36 @@ def test_the_lateness_is_by_how_much_later_the_recording_came_there():
     assert np.ptp(lateness) > 0.09
 
 
-@pytest.mark.parametrize('off', [0.0, -5.0, -500.0])
+@pytest.mark.parametrize('off', [-50.0, -500.0])
 def test_two_models_are_told_apart_by_no_more_than_they_differ(off):
     # a fit along (1, 0) or along a line a hundredth of a radian beside it, of a point off both
     angle, point = 0.01, np.array([100.0, off])
     lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
     right, gram = lines @ point, lines @ lines.T
-    differ = (100.0 * np.sin(angle)) ** 2
-    assert told_apart(right, gram) == pytest.approx(differ, rel=1e-3)
-    assert told_apart(right[::-1], gram[::-1, ::-1]) == pytest.approx(-differ, rel=1e-3)
+    differ = (lines[0] @ point * np.sin(angle)) ** 2 / LOCK_SCATTER
+    most = differ + 2.0 * np.sqrt(differ)  # and one standard deviation of noise
+    assert told_apart(right, gram) == pytest.approx(most, rel=1e-3)
+    assert told_apart(right[::-1], gram[::-1, ::-1]) == pytest.approx(-most, rel=1e-3)
+
+
+def test_two_models_are_told_apart_by_what_the_one_explains_more():
+    angle, point = 0.01, np.array([100.0, 0.0])
+    lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
+    more = (100.0 * np.sin(angle)) ** 2 / LOCK_SCATTER
+    assert told_apart(lines @ point, lines @ lines.T) == pytest.approx(more, rel=1e-3)
+
+
+@pytest.mark.parametrize('apart', [0.3, 1.0, 3.0])
+def test_which_lock_it_is_is_told_as_surely_as_it_comes_right(apart):
+    # noise of the variance that was measured; either of two nearly like models is the true one
+    rng = np.random.default_rng(7)
+    angle = np.sqrt(apart * LOCK_SCATTER) / 100.0
+    lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
+    belief, right = [], []
+    for true in rng.integers(0, 2, 4000):
+        point = 100.0 * lines[true] + rng.normal(size=2) * np.sqrt(LOCK_SCATTER)
+        better = told_apart(lines @ point, lines @ lines.T)
+        belief.append(1.0 / (1.0 + np.exp(-0.5 * abs(better))))
+        right.append((better < 0.0) == bool(true))
+    # what is beyond noise counts for nothing: a little too modest, never too sure
+    assert -0.01 < np.mean(right) - np.mean(belief) < 0.04

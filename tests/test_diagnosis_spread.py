@@ -2,12 +2,14 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import trials
 
-from escalator_twin.diagnosis import spread
+from escalator_twin.diagnosis import frames, spread
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regression import Scores
 from escalator_twin.diagnosis.telling import NORMAL_95, told
 
 pytestmark = pytest.mark.issue(6)
@@ -118,3 +120,70 @@ def test_a_spots_depth_is_known_to_some_percent():
     proposal = Proposal('roller_flat', {'axle': 18, 'side': 'right'}, {'depth_m': 5.58e-4}, 9.0)
     row = told(Found(proposal, 1.0, {'depth_m': 1e-6}, 9.0, ()), 0.9)['parameters']['depth_m']
     assert row['low'] < 6e-4 < row['high'] < 6.3e-4
+
+
+class Lines:
+    """A stage in which a frame shows by lines of the pitch alone, near 7 Hz much alike from one line to the next."""
+
+    PITCH_HZ = 0.57
+
+    def __init__(self, explained):
+        self.explained = explained
+
+    def run(self, deviations=()):
+        if not deviations:
+            return np.zeros((1, 2))
+        numbers = deviations[0].parameters
+        off = (numbers['frequency_hz'] - 7.0) / self.PITCH_HZ
+        angle = 2.0 * (off - round(off)) if abs(off) < 2.5 else 1.5
+        strength = 4500.0 / numbers['modal_mass_kg']
+        return strength * np.array([[np.cos(angle), np.sin(angle)]])
+
+    def fit_shifted(self, model, _before):
+        return model[0]
+
+    def columns(self, changes, _cause):
+        return changes[0]
+
+    def judged(self, model, _cause):
+        return 9000.0 + self.explained * float(np.sum((model - [1.0, 0.0]) ** 2))
+
+
+def along(_rigid, column):
+    """Return how much of a column is hidden."""
+    return Scores(column[:1, 0] / np.sum(column**2), np.ones(1), np.ones(1))
+
+
+@pytest.mark.parametrize('mass', [4500.0, 6000.0])
+@pytest.mark.parametrize('explained', [4000.0, 30.0])
+def test_a_frames_frequency_may_be_any_that_explains_nearly_as_much(monkeypatch, mass, explained):
+    monkeypatch.setattr(frames, 'score_each', along)
+    own = Proposal(
+        'truss_resonance', {},
+        {'frequency_hz': 7.0, 'damping_ratio': 0.02, 'modal_mass_kg': mass}, 9.0,
+    )  # fmt: skip
+    lines = Lines(explained)
+    low, high = frames.possible_frequencies(lines, np.array([1.0, 0.0]), own)
+    if explained < frames.NEARLY:  # any: nothing is told
+        assert low < 1.05 * frames.LOWEST_HZ
+        assert high > frames.HIGHEST_HZ / 1.05
+    else:  # two lines on, and up to where the angle's sine squared is 0.15
+        edge = 2.2 * lines.PITCH_HZ
+        assert low == pytest.approx(7.0 - edge, abs=0.2)
+        assert high == pytest.approx(7.0 + edge, abs=0.2)
+
+
+def test_a_frames_interval_holds_the_frequencies_that_it_may_have(monkeypatch):
+    monkeypatch.setattr(spread, 'without_own', lambda stage, _: stage)
+    monkeypatch.setattr(spread, 'apply', lambda _machine, deviations: deviations)
+    monkeypatch.setattr(spread, 'replace', replaced)
+    monkeypatch.setattr(spread, 'possible_frequencies', lambda *_: (6.4, 7.1))
+    numbers = {'frequency_hz': 7.0, 'damping_ratio': 0.02, 'modal_mass_kg': 4500.0}
+    frame = Found(
+        Proposal('truss_resonance', {}, numbers, 9.0), 1.0, {'frequency_hz': 1e-3}, 9.0, ()
+    )
+    after = SimpleNamespace(stage=Stage(lambda _: 0.0), model=0.75)
+    (found,) = spread.with_reach(SimpleNamespace(machine=None), after, [frame])
+    row = told(found, 0.9)['parameters']['frequency_hz']
+    assert row['low'] <= 6.4
+    assert 7.1 <= row['high'] < 7.4

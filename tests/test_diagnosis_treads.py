@@ -102,7 +102,8 @@ def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
     best = max(rail_steps(search), key=lambda p: p.gain)
     assert best.location['s_m'] == pytest.approx(effect['location']['s_m'], abs=0.02)
     assert best.location['side'] == effect['location']['side']
-    assert best.parameters['height_m'] == pytest.approx(effect['parameters']['height_m'], rel=0.1)
+    # a run of another height, scaled: where a fit begins (which ends at 1.469 of 1.5 mm here)
+    assert best.parameters['height_m'] == pytest.approx(effect['parameters']['height_m'], rel=0.15)
 
 
 @pytest.mark.issue(6)

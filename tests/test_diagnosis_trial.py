@@ -407,3 +407,28 @@ def test_only_a_fit_from_the_machine_as_described_may_be_left_at_that(monkeypatc
     place = SimpleNamespace(stage=stage, fitted=None)
     fitting.fitted_beside(None, place, (), refined, turned)
     assert limits == [most]
+
+
+def test_a_wave_that_is_locked_otherwise_is_fitted_from_where_it_ended(monkeypatch):
+    given = []
+
+    def polished(context, effects, turned, *_rest, **more):
+        given.append((context, effects, turned, more['is_near']))
+        return Polished(context, None, (FRICTION, replace(ripple, gain=7.0)), ({}, {'x': 0.1}))
+
+    monkeypatch.setattr(fitting, 'polish', polished)
+    monkeypatch.setattr(fitting, 'with_rest', lambda _, sd: sd)
+    ripple = Proposal('drive_ripple', {}, {'cycles_per_pitch': 0.3}, 900.0)
+    hunting = Proposal('drive_hunting', {}, {'frequency_hz': 0.2}, 900.0)
+    fitted = replace(FRICTION, parameters={'force_N': 170.0})
+    stage = SimpleNamespace(turned={'drive': 0.4})
+    near = Polished('context', SimpleNamespace(stage=stage), (fitted, hunting), ({}, {}))
+    first, second = Tried(ripple, 880.0, {}), Tried(hunting, 870.0, {}, near)
+    found = trial._locked_better([FRICTION], [first, second], 1)
+    assert given == [('context', [fitted, ripple], {'drive': 0.4}, True)]
+    assert (found[0].gain, found[0].sd, found[0].proposal.gain) == (880.0, {'x': 0.1}, 7.0)
+    assert found[0].polished.effects[0] is FRICTION
+    assert found[1] is second
+    # the one that was fitted is the better: nothing to fit
+    assert trial._locked_better([FRICTION], [second, first], 1) == [second, first]
+    assert len(given) == 1

@@ -13,9 +13,9 @@ from escalator_twin.signals import Floats
 
 ROUNDS = 3
 QUARTER = 0.5 * np.pi
-# What `told_apart` tells scatters by this share of the variance that it has at the verdict's temperature: that is of
-# searches over places, which find what the twin makes wrong; of two locks of one wave the twin makes the same wrong.
-# Mean of the sixteen hidden waves of seed 231101.
+# By how much more the one lock explains scatters with this share of the variance that noise of the verdict's temperature
+# would give it: that temperature is of searches over places, which find what the twin makes wrong; of two locks
+# of one wave the twin makes the same wrong. Mean of the sixteen hidden waves of seed 231101.
 LOCK_SCATTER = 0.36
 
 
@@ -138,15 +138,15 @@ def locks(stage: Stage, base: Floats, hunting: Proposal, jobs: int = 1) -> tuple
     clock = (seconds - seconds.mean())[:, None]
     waves = [wave for a, b in rows for wave in (a, b, clock * a, clock * b)]
     columns = stage.columns(np.stack(waves, axis=2), hunting.cause)
-    better = told_apart(*inner_products(stage.fit(base), columns)) / LOCK_SCATTER
+    better = told_apart(*inner_products(stage.fit(base), columns))
     return max(-better, 0.0), max(better, 0.0)
 
 
 def told_apart(right: Floats, gram: Floats) -> float:
     """Return by how much more one model explains than another, as far as the two differ at all.
 
-    Were the better one true, it would explain as much more as what it says is off the other's reach, give
-    or take noise. What is beyond that speaks of an error of both.
+    Were the better one true, it would explain as much more as what it says is off the other's reach, D, give
+    or take noise: 2 root D. What is beyond both speaks of an error of either.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def told_apart(right: Floats, gram: Floats) -> float:
     Returns
     -------
     better : float
-        Of chi squared; negative where the other explains more.
+        Of chi squared, as noise of its own scatter gives it; negative where the other explains more.
     """
     half = len(right) // 2
     one, other = slice(0, half), slice(half, None)
@@ -167,5 +167,6 @@ def told_apart(right: Floats, gram: Floats) -> float:
     sizes = inverse(gram[one, one]) @ right[one]
     across = gram[one, other]
     unlike = gram[one, one] - across @ inverse(gram[other, other]) @ across.T
-    apart = max(float(sizes @ unlike @ sizes), 0.0)
-    return float(np.clip(gains[0] - gains[1], -apart, apart))
+    apart = max(float(sizes @ unlike @ sizes), 0.0) / LOCK_SCATTER
+    most = apart + 2.0 * apart**0.5
+    return float(np.clip((gains[0] - gains[1]) / LOCK_SCATTER, -most, most))

@@ -6,6 +6,7 @@ frame says too little of.
 """
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
 
@@ -13,9 +14,10 @@ import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regression import Fitted
+from escalator_twin.diagnosis.regression import Fitted, score_each
 from escalator_twin.diagnosis.scan import best_as_run, scored
 from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
 LOWEST_HZ, HIGHEST_HZ, RATIO = 2.5, 16.0, 1.025
@@ -24,6 +26,9 @@ RUN = 6  # of the frequencies that explain most
 # beside a heavy frame's frequency as further from a light one's. No slopes: rollers rattle.
 SPACING = {'frequency_hz': 1.02, 'modal_mass_kg': 1.25, 'damping_ratio': 1.5}
 PARTS = (1.0, 0.6, 0.3)
+# Of chi squared, and of what a frame explains: another frequency that leaves no more than either above the best may
+# be the frame's. Rattling rollers alone move two neighbours' chi squared by the first.
+NEARLY, NEARLY_SHARE = 50.0, 0.15
 
 
 def best_frame(
@@ -61,3 +66,54 @@ def _about(proposal: Proposal, part: float) -> Iterator[Proposal]:
         numbers = {key: proposal.parameters[key] * factors[key] for key in SPACING}
         if any(way):
             yield replace(proposal, parameters={**proposal.parameters, **numbers})
+
+
+def possible_frequencies(
+    stage: Stage, before: Fitted, proposal: Proposal, jobs: int = 1
+) -> tuple[float, float]:
+    """Return the lowest and the highest frequency with which a frame explains nearly as much, Hz.
+
+    Chi squared about the best says how well that line's strength is known, and nothing of the hollows beyond the next
+    multiple of the pitch's frequency.
+
+    Parameters
+    ----------
+    stage : Stage
+        The machine with all that is known but the frame.
+    before : Fitted
+        What the machine with the frame leaves.
+    proposal : Proposal
+        The frame, with its fitted numbers.
+    jobs : int
+        Simulations at a time.
+    """
+    cause, own = proposal.cause, proposal.parameters['frequency_hz']
+    rigid = stage.run()
+    fitted = stage.fit_shifted(rigid, before)
+    level = stage.judged(before, cause)
+    most = max(NEARLY, NEARLY_SHARE * (stage.judged(fitted, cause) - level))
+
+    def is_possible(frequency: float) -> bool:
+        numbers = {**proposal.parameters, 'frequency_hz': frequency}
+        for _ in range(2):  # a frame's mass is known beside its own frequency alone
+            one = replace(proposal, parameters=numbers)
+            try:
+                model = stage.run((one.deviation,))
+            except EscalatorError:
+                return False
+            if stage.judged(stage.fit_shifted(model, before), cause) - level <= most:
+                return True
+            change = stage.columns((model - rigid)[:, :, None], cause)
+            share = float(score_each(fitted, change).size[0])
+            if share <= 0.0:
+                return False
+            numbers = {**numbers, 'modal_mass_kg': numbers['modal_mass_kg'] / share}
+        return False
+
+    lowest, highest = min(own, LOWEST_HZ), max(own, HIGHEST_HZ)
+    down, up = (int(abs(np.log(own / end)) / np.log(RATIO)) for end in (lowest, highest))
+    others = [own * RATIO**k for k in range(-down, up + 1) if k]
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        able = list(pool.map(is_possible, others))
+    near = [own, *(f for f, can in zip(others, able, strict=True) if can)]
+    return min(near), max(near)

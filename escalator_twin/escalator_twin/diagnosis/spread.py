@@ -13,20 +13,25 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.frames import possible_frequencies
 from escalator_twin.diagnosis.free import of_machine, without_own
 from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import changed
+from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.verdict import NORMAL_95
 from escalator_twin.errors import EscalatorError
 
 FAR = (2.0, 4.0)  # standard deviations by slopes at which a size is tried
 LEAST = 1.0  # rise of chi squared that is told from none
+FRAME = 'truss_resonance', 'frequency_hz'  # of which there are several that do nearly the same
 Reach = Mapping[str, tuple[float, float]]
 
 
 def with_reach(
     context: Context, after: Beside, found: Sequence[Found], jobs: int = 1
 ) -> list[Found]:
-    """Return effects with the spreads of their first numbers to either side.
+    """Return effects with the spreads of their first numbers to either side, and of a frame's frequency.
 
     The tolerances are fitted beside every size that is tried, by slopes: chi squared can only be lower
     with more pains, so that a spread is never told too large by that.
@@ -41,23 +46,26 @@ def with_reach(
     jobs : int
         Simulations at a time.
     """
-    if not any(_bends(one) for one in found):
+    if not any(_bends(one) or one.proposal.cause == FRAME[0] for one in found):
         return list(found)
     proposals = [one.proposal for one in found]
     stage = without_own(after.stage, proposals)
     before = stage.fit(after.model)
+
+    def beside(index: int, *trials: Proposal) -> Stage:
+        others = [p for k, p in enumerate(proposals) if k != index]
+        machine = apply(
+            context.machine, tuple(p.deviation for p in (*others, *trials) if of_machine(p))
+        )
+        return replace(stage, machine=machine)
 
     def rise(index: int, by: float) -> float:
         one = found[index]
         key = one.proposal.fitted[0]
         values = {key: one.proposal.parameters[key] + by * one.sd[key]}
         trial = changed(one.proposal, values, stage.machine_length)
-        others = [p for k, p in enumerate(proposals) if k != index]
-        machine = apply(
-            context.machine, tuple(p.deviation for p in (*others, trial) if of_machine(p))
-        )
         try:
-            model = replace(stage, machine=machine).run()
+            model = beside(index, trial).run()
         except EscalatorError:
             return np.inf
         fitted = stage.fit_shifted(model, before)
@@ -73,12 +81,20 @@ def with_reach(
     ]
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         rises = dict(zip(tried, pool.map(lambda t: rise(*t), tried), strict=True))
-    return [
-        replace(one, reach=_reach(one, {by: r for (i, by), r in rises.items() if i == k}))
-        if _bends(one)
-        else one
-        for k, one in enumerate(found)
-    ]
+    reached = []
+    for k, one in enumerate(found):
+        reach: dict[str, tuple[float, float]] = {}
+        if _bends(one):
+            reach |= _reach(one, {by: r for (i, by), r in rises.items() if i == k})
+        cause, key = FRAME
+        if one.proposal.cause == cause:
+            own = one.proposal.parameters[key]
+            low, high = possible_frequencies(beside(k), before, one.proposal, jobs)
+            below, above = (own - low) / NORMAL_95, (high - own) / NORMAL_95
+            least = one.sd.get(key, 0.0)
+            reach[key] = max(below, least), max(above, least)
+        reached.append(replace(one, reach=reach) if reach else one)
+    return reached
 
 
 def _bends(found: Found) -> bool:

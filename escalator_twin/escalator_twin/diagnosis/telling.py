@@ -18,6 +18,7 @@ from escalator_twin.diagnosis.verdict import (
     EFFECT_TOLERANCES,
     FAR_SIZE,
     LAW_ERROR,
+    NORMAL_95,
     size_in_references,
     size_in_tolerances,
     Weighed,
@@ -41,7 +42,6 @@ DOUBTFUL = 0.1  # from which a cause that is not named is worth another experime
 MOST_CANDIDATES = 20
 # Of a probability, as `diagnose.REFUSED`: weighed as an effect, and held to be none.
 LEFT_OVER = 0.3
-NORMAL_95 = 1.96
 HIDDEN = {'phase_rad', 'curvature', 'slip'}
 SHAPES = {('guide_step', 'length_m')}  # not among the numbers of contracts.md
 

@@ -30,6 +30,7 @@ FAR_SIZE = 3.0
 FAR_OUT = 300.0  # a square that no good instrument comes near, however many numbers it has
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 ALIKE = 3.0  # nats within which two causes cannot be told apart
+NORMAL_95 = 1.96  # standard deviations to either side of a 95 % interval
 
 
 @dataclass(frozen=True)
