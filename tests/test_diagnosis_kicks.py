@@ -61,8 +61,8 @@ def test_a_turn_that_gains_enough_is_followed(monkeypatch, level, fitted, is_fol
     monkeypatch.setattr(polish, 'most_explaining', most_explaining)
     monkeypatch.setattr(polish, 'polish', fit)
     context = SimpleNamespace(weak=frozenset({'guide.lower_landing_m'}))
-    begun = polish.Polished(context, place(1e4), (SOFT,), ())
-    found = polish.polish_kicked(begun, (LANDING,), None, 1, worth=50.0)
+    begun = polish.Polished(context, place(1e4), (LANDING, SOFT), ())
+    found = polish.polish_kicked(begun, None, 1, worth=50.0)
     assert (found is not None) is is_followed
     # what a known effect stands for is in its size, and what hardly shows is left
     assert set(seen) == {'chain.mass', 'roller.contact'}

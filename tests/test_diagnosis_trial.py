@@ -160,7 +160,7 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     monkeypatch.setattr(trial, 'excess_of', lambda *_: 1e3)
     done = Polished(None, whole, (better,), ({'x': 0.2},))
 
-    def polish_whole(_polished, _known, _free, _jobs, worth):
+    def polish_whole(_polished, _free, _jobs, worth):
         assert worth == 50.0  # a twentieth of what is left, however much the effect explains
         return done
 
@@ -207,7 +207,7 @@ def test_beside_what_explains_most_tolerances_are_turned_far(
     ]
     calls = []
 
-    def polish_kicked(polished, _known, _free, _jobs, worth):
+    def polish_kicked(polished, _free, _jobs, worth):
         assert worth == 50.0
         calls.append(polished)
         k = fits.index(polished) + 1

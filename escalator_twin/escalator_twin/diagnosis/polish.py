@@ -51,7 +51,6 @@ def polish(
     context: Context,
     effects: Sequence[Proposal],
     turned: Mapping[str, float],
-    known: Sequence[Proposal] = (),
     free: Free | None = None,
     anew: bool = False,
     jobs: int = 1,
@@ -68,8 +67,6 @@ def polish(
         Of the machine.
     turned : mapping of tolerance to float
         Where the fit begins, standard deviations.
-    known : sequence of Proposal
-        More effects of the machine, whose numbers stay.
     free : callable, optional
         Frees the nuisance that effects of the measurement stand for.
     anew : bool
@@ -84,9 +81,9 @@ def polish(
         Chi squared: where the tolerances lead to more, nothing is fitted.
     """
     effects = tuple(effects)
-    stood_for = {str(e.nuisance) for e in (*effects, *known)}
+    stood_for = {str(e.nuisance) for e in effects}
     at = {k: z for k, z in turned.items() if k not in stood_for}
-    fit_one = JointFit(context, tuple(k.deviation for k in known), free)
+    fit_one = JointFit(context, (), free)
     if anew and is_near:
         fit_one = fit_one.taken_anew(effects, at, jobs)
     place = fit_one.beside(effects, at)
@@ -188,7 +185,6 @@ def taken_over(
 
 def polish_whole(
     polished: Polished,
-    known: Sequence[Proposal] = (),
     free: Free | None = None,
     jobs: int = 1,
     worth: float = SETTLED,
@@ -202,13 +198,13 @@ def polish_whole(
     ----------
     polished : Polished
         Where the fit begins.
-    known, free, jobs
+    free, jobs
         As of `polish`.
     worth : float
         Chi squared: a step that gains less is the last one.
     """
     effects, place, spreads = polished.effects, polished.place, polished.sd
-    fit_one = JointFit(polished.context, tuple(k.deviation for k in known), free)
+    fit_one = JointFit(polished.context, (), free)
     for _ in range(WHOLE_STEPS):
         fit_one = fit_one.taken_whole(place, effects, jobs)
         place = fit_one.beside(effects, place.stage.turned)
@@ -226,7 +222,6 @@ def polish_whole(
 
 def polish_kicked(
     polished: Polished,
-    known: Sequence[Proposal] = (),
     free: Free | None = None,
     jobs: int = 1,
     worth: float = SETTLED,
@@ -238,13 +233,13 @@ def polish_kicked(
 
     Parameters
     ----------
-    polished, known, free, jobs
+    polished, free, jobs
         As of `polish_whole`.
     worth : float
         Chi squared: a turn that gains less is not followed.
     """
     place, effects = polished.place, polished.effects
-    held = polished.context.weak | {str(e.nuisance) for e in (*effects, *known)}
+    held = polished.context.weak | {str(e.nuisance) for e in effects}
     ways = far_turns(place.stage, KICKS[0], held)
     if not ways:
         return None
@@ -252,7 +247,7 @@ def polish_kicked(
     if quiet_chi2(place) - level < worth:
         return None
     again = polish(
-        polished.context, effects, turned, known, free, jobs=jobs, steps=KICKED_STEPS, is_near=True
+        polished.context, effects, turned, free, jobs=jobs, steps=KICKED_STEPS, is_near=True
     )
     return again if judged(again.place, again.effects) < judged(place, effects) - worth else None
 

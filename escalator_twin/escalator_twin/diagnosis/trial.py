@@ -240,12 +240,12 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     for _ in range(KICKED if left < MOST_LEFT * above else 0):
         if not is_open(whole.place, floor) or excess_of(whole.place, floor) < KICK_LEFT * above:
             break
-        kicked = polish_kicked(whole, (), free, jobs, worth)
+        kicked = polish_kicked(whole, free, jobs, worth)
         if kicked is None:
             break
         whole = kicked
     if is_open(whole.place, floor) and excess_of(whole.place, floor) >= WHOLE_LEFT * above:
-        whole = polish_whole(whole, (), free, jobs, worth)
+        whole = polish_whole(whole, free, jobs, worth)
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:
