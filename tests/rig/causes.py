@@ -198,12 +198,15 @@ def step_mass(model, place, size, _rng):
 def truss_resonance(model, _place, size, _rng):
     omega = 2.0 * np.pi * size['frequency_hz']
     mass = size['modal_mass_kg']
+    loaded = (model.load_to - model.load_from) / model.loop
+    carried = model.gravity * (model.mass.sum() + loaded * model.load.sum())
     return model._replace(
         mode_x=0.0,
         mode_z=1.0,
         mode_mass=mass,
         mode_k=mass * omega**2,
         mode_c=2.0 * size['damping_ratio'] * mass * omega,
+        mode_carried=carried,
     )
 
 

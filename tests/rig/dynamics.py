@@ -271,7 +271,8 @@ def rates(model, t, y, marks, slip, work, dy):
     dy[tail + RACK] = speed
     dy[tail + MODE] = y[tail + MODE_RATE]
     if model.mode_mass > 0.0:
-        force = frame_pull - model.mode_k * y[tail + MODE] - model.mode_c * y[tail + MODE_RATE]
+        force = frame_pull + model.mode_carried
+        force -= model.mode_k * y[tail + MODE] + model.mode_c * y[tail + MODE_RATE]
         dy[tail + MODE_RATE] = force / model.mode_mass
     else:
         dy[tail + MODE_RATE] = 0.0

@@ -126,6 +126,7 @@ def nominal(
         mode_mass=0.0,
         mode_k=0.0,
         mode_c=0.0,
+        mode_carried=0.0,
         reading=np.ones(len(READINGS)),
         blow_force=0.0,
         blow_period=1.0,

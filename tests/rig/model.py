@@ -98,6 +98,7 @@ Model = namedtuple(
         'mode_mass',
         'mode_k',
         'mode_c',
+        'mode_carried',  # N: the weight with which the frame was surveyed
         # how the data sheet is read, see READINGS
         'reading',
         # timed disturbances
