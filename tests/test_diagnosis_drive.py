@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
 from escalator_twin.diagnosis.stage import lateness_of, LATENESS_STEP_S
-from escalator_twin.diagnosis.waves import as_locked, one_of_each
+from escalator_twin.diagnosis.waves import as_locked, best_wave_alone
 
 pytestmark = pytest.mark.issue(6)
 
@@ -115,7 +115,7 @@ def test_of_all_waves_the_best_alone_is_fitted_with_all_else():
             Proposal('tensioner_friction', {}, {'force_N': 80.0}, 0.0),
         )
     ]
-    assert one_of_each(rows) == [rows[0], rows[2]]
+    assert best_wave_alone(rows) == [rows[0], rows[2]]
 
 
 @pytest.mark.issue(7)

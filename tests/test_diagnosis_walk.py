@@ -197,9 +197,42 @@ def test_what_cannot_lead_to_a_name_is_neither_fitted_nor_accepted(walked, gain,
     worthy = []
 
     def attempt(_context, _place, _known, chosen, _jobs, _afar, worth):
-        worthy.extend(worth(p.cause, 0.5 * p.gain) for p in chosen)
+        worthy.extend(worth(p, 0.5 * p.gain) for p in chosen)
         return [Tried(p, p.gain, dict(p.sd)) for p in chosen]
 
     found = walked(lambda *_: [next(given)], attempt, excess=1.2e6, fell=lambda: next(falls))
     assert found == effects[:rounds]
     assert worthy == [True] * rounds + [False]
+
+
+def bump(height_m, gain):
+    return Proposal(
+        'guide_step', {'s_m': 8.0, 'side': 'left'}, {'height_m': height_m}, gain, draws=48
+    )
+
+
+@pytest.mark.parametrize(
+    ('effect', 'beside', 'is_fitted'),
+    [
+        # three tolerances are an effect, and four of them likelier than what a good machine has
+        (bump(5e-4, 150.0), None, True),
+        (bump(2.05e-4, 190.0), None, False),
+        (replace(bump(2.05e-4, 190.0), nuisance='a tolerance'), None, True),
+        # a gauge that explains more than the bump may is told first
+        (bump(5e-4, 150.0), 290.0, True),
+        (bump(5e-4, 150.0), 320.0, False),
+        (replace(bump(5e-4, 150.0), nuisance='a tolerance'), 320.0, True),
+    ],
+    ids=['effect', 'small', 'for a tolerance', 'less', 'more', 'a tolerance beside more'],
+)
+def test_what_could_not_be_named_in_a_round_is_not_fitted(walked, effect, beside, is_fitted):
+    """A good machine's rail, and one gauge's gain, cost two fits with all tolerances in every round."""
+    gauge = Proposal('gauge_gain', {'link': 'left_b'}, {'factor': 1.09}, beside or 0.0)
+    worthy = []
+
+    def attempt(_context, _place, _known, chosen, _jobs, _afar, worth):
+        worthy.extend(worth(p, p.gain) for p in chosen)
+        return []
+
+    walked(lambda *_: [effect, gauge][: 1 + (beside is not None)], attempt)
+    assert worthy[0] == is_fitted

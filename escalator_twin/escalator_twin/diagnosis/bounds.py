@@ -17,9 +17,10 @@ from escalator_twin.diagnosis.unexplained import (
     is_used_up,
     LEAST_EXPLAINED,
 )
+from escalator_twin.diagnosis.verdict import by_data, evidence_of
 
 HOPE = 3.0  # times the linear gain: what fitting may make of a proposal
-FITTED = 2.0  # times the gain of one run: what fitting it with the tolerances may make of it
+FITTED = 2.0  # times the gain and the size of one run: what fitting it with the tolerances may make of them
 # Times what is above a good machine's: what a further effect explains at most, noise that it fits with it.
 BEYOND = 2.0
 
@@ -94,7 +95,21 @@ class Bounds:
             gain = min(gain, self.most(proposal.cause))
         return not self.is_left_over(proposal.cause, gain)
 
-    def is_worth_fitting(self, cause: str, gain: float) -> bool:
-        """Tell whether an effect that was run once may, fitted with all else, still be named."""
-        fitted = FITTED * gain
-        return not (self.is_in_vain(cause, fitted) or self.is_left_over(cause, fitted))
+    def is_worth_fitting(self, proposal: Proposal, gain: float, rival: float = -inf) -> bool:
+        """Tell whether an effect that was run once may, fitted with all else, still be named in this round.
+
+        Parameters
+        ----------
+        proposal : Proposal
+        gain : float
+            Of the run.
+        rival : float
+            Nats that the data say for a fault of the measurement: what cannot come to more is sought again beside it.
+        """
+        cause, fitted = proposal.cause, FITTED * gain
+        if self.is_in_vain(cause, fitted) or self.is_left_over(cause, fitted):
+            return False
+        # what stands for a tolerance is far more once that is tuned beside it
+        if proposal.nuisance is not None:
+            return True
+        return by_data(proposal, fitted) >= rival and evidence_of(proposal, fitted, FITTED) > 0.0

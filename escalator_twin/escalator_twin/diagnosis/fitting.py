@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
-from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
@@ -147,24 +147,23 @@ def fit_again(
     """
     again = of_machine_among(known)
     turned = place.stage.turned
-    if again:
-        try:
-            found = polish(
-                context,
-                again,
-                turned,
-                lambda p: freed(p, known),
-                any(e.cause in MOVES_RESONANCE for e in again),
-                jobs,
-                STEPS_AT_LENGTH if any(e.cause in LOCAL for e in again) else STEPS,
-            )
-        except EscalatorError:
-            pass  # as it was, its tolerances tuned
-        else:
-            spreads = tuple(with_rest(context, sd) for sd in found.sd)
-            return replace(found, sd=spreads)
-    deviations = tuple(k.deviation for k in again)
-    return Polished(*tuned(context, deviations, jobs, turned), (), ())
+    if not again:  # the tolerances were tuned to this machine
+        return Polished(context, beside(context, steps=0, turned=turned), (), ())
+    try:
+        found = polish(
+            context,
+            again,
+            turned,
+            lambda p: freed(p, known),
+            any(e.cause in MOVES_RESONANCE for e in again),
+            jobs,
+            STEPS_AT_LENGTH if any(e.cause in LOCAL for e in again) else STEPS,
+        )
+    except EscalatorError:  # as it was, its tolerances tuned
+        deviations = tuple(k.deviation for k in again)
+        return Polished(*tuned(context, deviations, jobs, turned), (), ())
+    spreads = tuple(with_rest(context, sd) for sd in found.sd)
+    return replace(found, sd=spreads)
 
 
 def with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:

@@ -26,7 +26,7 @@ from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
-from escalator_twin.diagnosis.waves import DRIVE, locked, one_of_each, pairs
+from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
@@ -55,7 +55,7 @@ ALIKE = 0.6
 SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
 
 
-Worth = Callable[[str, float], bool]
+Worth = Callable[[Proposal, float], bool]
 
 
 def try_all(
@@ -83,7 +83,7 @@ def try_all(
     afar : Afar, optional
         More of them, for the machine as described.
     worth : callable, optional
-        Takes cause and gain of what was run: whether it is worth a fit with everything else.
+        Takes a proposal that was run and its gain: whether it is worth a fit with everything else.
 
     Returns
     -------
@@ -113,8 +113,8 @@ def try_all(
         )
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
-        leading = one_of_each([r for r in refined if r.gain > CLOSE * refined[0].gain])[:2]
-        leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
+        leading = best_wave_alone([r for r in refined if r.gain > CLOSE * refined[0].gain])[:2]
+        leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
         fitted_again = _fitted_all(context, place, known, leading, jobs)
 
         def gain_of(proposal: Proposal) -> float:
@@ -344,7 +344,7 @@ def _tried_afar(
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
-    leading = [r for r in leading if worth is None or worth(r.proposal.cause, r.gain)]
+    leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if not is_far(r)]

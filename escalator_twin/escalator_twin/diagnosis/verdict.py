@@ -100,7 +100,7 @@ def size_in_references(proposal: Proposal) -> float:
 RATIOS = {('drive_stiffness', 'factor'), ('link_stiffness', 'factor')}
 
 
-def evidence_of(proposal: Proposal, gain: float) -> float:
+def evidence_of(proposal: Proposal, gain: float, grown: float = 1.0) -> float:
     """Return nats for a proposal against a machine within tolerance.
 
     Parameters
@@ -108,10 +108,12 @@ def evidence_of(proposal: Proposal, gain: float) -> float:
     proposal : Proposal
     gain : float
         Fall of chi squared.
+    grown : float
+        Times its size that the proposal is taken to have.
     """
     if gain <= 0.0:
         return -inf
-    tolerances = size_in_tolerances(proposal)
+    tolerances = grown * size_in_tolerances(proposal)
     if tolerances < EFFECT_TOLERANCES:
         return -inf
     spread = 1.0 / gain
@@ -128,8 +130,13 @@ def evidence_of(proposal: Proposal, gain: float) -> float:
         return 0.5 / spread - _cost(proposal) - PRIOR_EFFECT
     # The data choose place and numbers, and pay for it. That a good machine's own is so large is as unlikely
     # wherever it is: it would be at the place that the data choose.
-    by_data, by_size = 0.5 * gain - _cost(proposal), 0.5 / spread - log(proposal.draws)
-    return -float(np.logaddexp(-by_data, -by_size)) - PRIOR_EFFECT
+    told, by_size = by_data(proposal, gain), 0.5 / spread - log(proposal.draws)
+    return -float(np.logaddexp(-told, -by_size)) - PRIOR_EFFECT
+
+
+def by_data(proposal: Proposal, gain: float) -> float:
+    """Return nats for a proposal by chi squared alone, less what choosing its place and numbers costs."""
+    return 0.5 * gain - _cost(proposal)
 
 
 def _as_one(square: float, count: int) -> float:
@@ -152,11 +159,11 @@ def weigh(candidates: Sequence[tuple[Proposal, float]]) -> list[Weighed]:
     real = [row for row in rows if row[2] > -inf]
     if not real:
         return [Weighed(p, g, e, 0.0) for p, g, e in sorted(rows, key=lambda r: -r[1])]
-    top = max(real, key=lambda row: 0.5 * row[1] - _cost(row[0]))
-    reference = 0.5 * top[1] - _cost(top[0])
+    top = max(real, key=lambda row: by_data(row[0], row[1]))
+    reference = by_data(top[0], top[1])
     logs = []
     for p, g, e in rows:
-        beside = top[2] + (0.5 * g - _cost(p)) - reference
+        beside = top[2] + by_data(p, g) - reference
         # Which of two it is, the data say: a size of ten tolerances is no less likely than one of eleven.
         # That a rival is an effect at all, and no good machine's, is counted by itself.
         own = 0.0 if p is top[0] else -float(np.logaddexp(0.0, -e))

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
 
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
 from escalator_twin.diagnosis.bounds import Bounds, HOPE
@@ -25,6 +27,7 @@ from escalator_twin.diagnosis.unexplained import (
     is_open,
 )
 from escalator_twin.diagnosis.verdict import (
+    by_data,
     EFFECT_TOLERANCES,
     evidence_of,
     neutral_of,
@@ -154,14 +157,16 @@ def walk(
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
-        tried = bench.attempt(context, place, known, chosen, jobs, afar, bounds.is_worth_fitting)
+        rival = max((by_data(p, p.gain) for p in _one_gauge(proposals)), default=-inf)
+        worth = partial(bounds.is_worth_fitting, rival=rival)
+        tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
         weighed = weigh(_candidates(proposals, tried))
         if weighed and _is_unrun(weighed[0], tried):
             # what was not chosen leads once those that were are no effects: nothing is named unrun
             alone = [weighed[0].proposal]
             tried = [
                 *tried,
-                *bench.attempt(context, place, known, alone, jobs, None, bounds.is_worth_fitting),
+                *bench.attempt(context, place, known, alone, jobs, None, worth),
             ]
             weighed = weigh(_candidates(proposals, tried))
             weighed = [w for w in weighed if not _is_unrun(w, tried)]
@@ -259,8 +264,13 @@ def _is_known_fault(proposal: Proposal, known: Sequence[Proposal]) -> bool:
 
 def _is_hopeless(proposal: Proposal, proposals: Sequence[Proposal]) -> bool:
     """Tell whether one gauge's fault explains more than fitting can make of a proposal."""
-    best = max((p.gain for p in proposals if p.cause in ONE_GAUGE), default=0.0)
+    best = max((p.gain for p in _one_gauge(proposals)), default=0.0)
     return HOPE * proposal.gain < best and proposal.nuisance is None
+
+
+def _one_gauge(proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Return the faults of one gauge that are effects."""
+    return [p for p in proposals if p.cause in ONE_GAUGE and evidence_of(p, p.gain) > 0.0]
 
 
 def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:

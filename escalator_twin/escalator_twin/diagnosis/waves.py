@@ -100,7 +100,7 @@ def as_locked(wave: Proposal, cause: str, frame: Frame, direction: int) -> Propo
     return replace(wave, cause=cause, parameters=numbers, fitted=fitted, sd={})
 
 
-def one_of_each(refined: Sequence[Refined]) -> list[Refined]:
+def best_wave_alone(refined: Sequence[Refined]) -> list[Refined]:
     """Return what was refined, of all waves of the drive the best alone.
 
     Locked to time or to travel it is much the same wave, and is fitted with all else once; which it is, `locked`
