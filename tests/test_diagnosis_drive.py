@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis.drive import LOCK_SCATTER, locks, refine_wave, told_apart
+from escalator_twin.diagnosis.drive import agreed, locks, refine_wave, Told, told_apart
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
@@ -80,13 +80,11 @@ def test_where_the_speed_wanders_time_is_told_from_travel(cause):
     own = bench.observation.time_s[:, 0] if cause == 'drive_hunting' else bench.travel / SPEED_M_S
     signal = 0.02 * np.sin(2.0 * np.pi * 0.37 * own + 0.4)
     bench.measured = np.stack([signal, -0.5 * signal], axis=1)
-    in_time, in_travel = locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011))
-    right, wrong = (in_time, in_travel) if cause == 'drive_hunting' else (in_travel, in_time)
-    assert right == 0.0
-    assert wrong > 1e3
+    better = locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011)).better
+    assert (better if cause == 'drive_hunting' else -better) > 1e3
     # without a wander there is nothing to tell
     bench.observation.time_s = np.repeat((bench.travel / SPEED_M_S)[:, None], 2, axis=1)
-    assert max(locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011))) < 1e-6
+    assert abs(locks(bench, bench.base, wave('drive_hunting', 0.37, 1.4, 0.011)).better) < 1e-6
 
 
 @pytest.mark.issue(7)
@@ -142,30 +140,45 @@ def test_two_models_are_told_apart_by_no_more_than_they_differ(off):
     angle, point = 0.01, np.array([100.0, off])
     lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
     right, gram = lines @ point, lines @ lines.T
-    differ = (lines[0] @ point * np.sin(angle)) ** 2 / LOCK_SCATTER
+    differ = (lines[0] @ point * np.sin(angle)) ** 2
     most = differ + 2.0 * np.sqrt(differ)  # and one standard deviation of noise
-    assert told_apart(right, gram) == pytest.approx(most, rel=1e-3)
-    assert told_apart(right[::-1], gram[::-1, ::-1]) == pytest.approx(-most, rel=1e-3)
+    told, turned = told_apart(right, gram), told_apart(right[::-1], gram[::-1, ::-1])
+    assert (told.better, turned.better) == pytest.approx((most, -most), rel=1e-3)
+    assert told.apart == pytest.approx(differ, rel=1e-3)
 
 
 def test_two_models_are_told_apart_by_what_the_one_explains_more():
     angle, point = 0.01, np.array([100.0, 0.0])
     lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
-    more = (100.0 * np.sin(angle)) ** 2 / LOCK_SCATTER
-    assert told_apart(lines @ point, lines @ lines.T) == pytest.approx(more, rel=1e-3)
+    more = (100.0 * np.sin(angle)) ** 2
+    assert told_apart(lines @ point, lines @ lines.T).better == pytest.approx(more, rel=1e-3)
 
 
-@pytest.mark.parametrize('apart', [0.3, 1.0, 3.0])
-def test_which_lock_it_is_is_told_as_surely_as_it_comes_right(apart):
-    # noise of the variance that was measured; either of two nearly like models is the true one
+@pytest.mark.parametrize('bent', [0.0, 0.15, 0.5])
+@pytest.mark.parametrize('apart', [0.3, 1.0, 3.0, 12.0])
+def test_which_lock_it_is_is_told_as_surely_as_it_comes_right(apart, bent):
+    """Either of two nearly like models is the true one; noise, and alignments that bend it by half of what tells them.
+
+    In five recordings they did by 0.02 to 0.5 of that (seeds 231101 and 251101).
+    """
     rng = np.random.default_rng(7)
-    angle = np.sqrt(apart * LOCK_SCATTER) / 100.0
+    angle = np.sqrt(apart) / 100.0
     lines = np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
     belief, right = [], []
     for true in rng.integers(0, 2, 4000):
-        point = 100.0 * lines[true] + rng.normal(size=2) * np.sqrt(LOCK_SCATTER)
-        better = told_apart(lines @ point, lines @ lines.T)
+        point = 100.0 * lines[true] + rng.normal(size=2)
+        told = told_apart(lines @ point, lines @ lines.T)
+        off = bent * told.apart * rng.normal(size=2)
+        better = agreed(*(Told(told.better + one, told.apart) for one in off))
         belief.append(1.0 / (1.0 + np.exp(-0.5 * abs(better))))
         right.append((better < 0.0) == bool(true))
-    # what is beyond noise counts for nothing: a little too modest, never too sure
-    assert -0.01 < np.mean(right) - np.mean(belief) < 0.04
+    # what is beyond noise counts for nothing: a little too modest, hardly too sure
+    assert -0.02 < np.mean(right) - np.mean(belief) < 0.06
+
+
+def test_two_alignments_that_say_the_opposite_say_nothing():
+    assert agreed(Told(9.0, 12.0), Told(-9.0, 12.0)) == 0.0
+    assert agreed(Told(0.0, 0.0), Told(0.0, 0.0)) == 0.0
+    alike = agreed(Told(9.0, 12.0), Told(9.0, 12.0))
+    assert alike == 9.0
+    assert 0.0 < agreed(Told(15.0, 12.0), Told(3.0, 12.0)) < alike

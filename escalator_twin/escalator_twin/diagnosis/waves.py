@@ -7,7 +7,7 @@ from math import isclose, pi
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, beside, Context
-from escalator_twin.diagnosis.drive import locks, refine_wave
+from escalator_twin.diagnosis.drive import agreed, locks, refine_wave, Told
 from escalator_twin.diagnosis.free import FREED
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
@@ -51,7 +51,7 @@ def _widths(place: Beside) -> np.ndarray:
 
 
 def locked(context: Context, place: Beside, tried: list[Tried], jobs: int = 1) -> list[Tried]:
-    """Weigh hunting against ripple of one wave by the same runs.
+    """Weigh hunting against ripple of one wave by the same runs, the recording aligned beside either.
 
     One of them was fitted together with the tolerances; where it is the other, that begins from there.
     """
@@ -65,10 +65,17 @@ def locked(context: Context, place: Beside, tried: list[Tried], jobs: int = 1) -
     frame, direction = place.stage.observation.frame, context.setting.experiment.direction
     in_time = as_locked(first.proposal, HUNTING, frame, direction)
     turned = place.stage.turned if first.polished is None else first.polished.place.stage.turned
-    deviations = (*_known(context, place), in_time.deviation)
-    anew = beside(context, deviations, steps=1, turned=turned)
-    bare = replace(anew.stage, machine=place.stage.machine)
-    higher = dict(zip(DRIVE, locks(bare, bare.run(), in_time, jobs), strict=True))
+
+    def told(wave: Proposal) -> Told:
+        """Compare the locks in a recording that is aligned beside a wave of one of them."""
+        deviations = (*_known(context, place), wave.deviation)
+        anew = beside(context, deviations, steps=1, turned=turned)
+        bare = replace(anew.stage, machine=place.stage.machine)
+        return locks(bare, bare.run(), in_time, jobs)
+
+    in_travel = as_locked(first.proposal, RIPPLE, frame, direction)
+    better = agreed(told(in_time), told(in_travel))
+    higher = {HUNTING: max(-better, 0.0), RIPPLE: max(better, 0.0)}
 
     def weighed(one: Tried) -> Tried:
         cause = one.proposal.cause
