@@ -1,15 +1,18 @@
 """Waves of the drive's speed: a ripple is one of the rack's travel, which falls on the way down."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from escalator_twin.diagnosis import fitting, waves
 from escalator_twin.diagnosis.drive import agreed, locks, refine_wave, Told, told_apart
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
 from escalator_twin.diagnosis.stage import lateness_of, LATENESS_STEP_S
+from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.waves import as_locked, best_wave_alone
 
 pytestmark = pytest.mark.issue(6)
@@ -182,3 +185,52 @@ def test_two_alignments_that_say_the_opposite_say_nothing():
     alike = agreed(Told(9.0, 12.0), Told(9.0, 12.0))
     assert alike == 9.0
     assert 0.0 < agreed(Told(15.0, 12.0), Told(3.0, 12.0)) < alike
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """A stage of a recording that was aligned beside something."""
+
+    machine: object
+    beside: str = ''
+
+    def run(self):
+        return None
+
+
+def test_a_wave_is_weighed_in_both_alignments(monkeypatch):
+    """Each bends the recording towards its own lock."""
+    told = {'drive_hunting': Told(10.0, 12.0), 'drive_ripple': Told(-4.0, 12.0)}
+    machine = SimpleNamespace(deviations=())
+    bench = Bench(1)
+
+    def beside(_context, deviations, **_):
+        return SimpleNamespace(stage=Aligned(None, deviations[-1].cause))
+
+    def locks_of(stage, _base, hunting, _jobs):
+        assert hunting.cause == 'drive_hunting'
+        return told[stage.beside]
+
+    monkeypatch.setattr(waves, 'beside', beside)
+    monkeypatch.setattr(waves, 'locks', locks_of)
+    stage = SimpleNamespace(observation=bench.observation, turned={}, machine=machine)
+    context = SimpleNamespace(machine=machine, setting=bench.setting)
+    rows = [
+        Tried(wave('drive_hunting', 0.37, 0.4), 500.0, {}),
+        Tried(wave('drive_ripple', 0.37 * PITCH_M / SPEED_M_S, 0.4), 480.0, {}),
+    ]
+    hunting, ripple = waves.locked(context, SimpleNamespace(stage=stage), rows)
+    assert hunting.gain == 500.0
+    assert ripple.gain == pytest.approx(500.0 - agreed(*told.values()))
+    assert 0.0 < 500.0 - ripple.gain < 3.0
+
+
+def test_beside_a_fault_of_the_measurement_alone_no_tolerance_is_tuned_again(monkeypatch):
+    gauge = Proposal('gauge_gain', {'link': 'left_b'}, {'factor': 1.09}, 400.0)
+    turned = {'tensioner.stiffness_n_m': 1.9}
+    place = SimpleNamespace(stage=SimpleNamespace(turned=turned))
+    monkeypatch.setattr(fitting, 'beside', lambda _, steps, turned: (steps, turned))
+    monkeypatch.setattr(fitting, 'tuned', lambda *_: pytest.fail('tuned again'))
+    found = fitting.fit_again('context', place, [gauge])
+    assert (found.context, found.place) == ('context', (0, turned))
+    assert found.effects == found.sd == ()
