@@ -91,6 +91,20 @@ def test_an_effect_of_one_axle_that_leaves_nothing_needs_no_rival_from_afar(
     assert not trial.is_closed([unfitted], None)
 
 
+@pytest.mark.parametrize(
+    ('cause', 'left', 'is_done'),
+    [('load_offset', 4.0, True), ('load_offset', 6.0, False), ('landing_length', 4.0, False)],
+)
+def test_what_left_nearly_nothing_is_not_fitted_from_afar_again(monkeypatch, cause, left, is_done):
+    monkeypatch.setattr(trial, 'excess_of', lambda place, _: place)
+    best = Tried(Proposal('load_offset', {}, {}, 900.0), 990.0, {}, SimpleNamespace(place=left))
+    other = Tried(LANDING, 300.0, {}, SimpleNamespace(place=1.0))
+    unfitted = Tried(ROLLING, 2_000.0, {}, None)
+    sought = Proposal(cause, {'which': 'upper'} if cause == 'landing_length' else {}, {}, 950.0)
+    assert trial.is_done(1_000.0, [other, best, unfitted], sought, None) is is_done
+    assert not trial.is_done(1_000.0, [unfitted], sought, None)
+
+
 @dataclass(frozen=True)
 class Left:
     """What is left of a recording: chi squared where nothing rattles, and in all."""

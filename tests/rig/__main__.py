@@ -10,6 +10,7 @@ from rig.machine import Case
 from rig.make import Effect, make, Order, write
 from rig.readings import show_creep, show_rails, show_treads
 from rig.readings_sensors import show_sensors
+from rig.readings_speed import show_wander
 from rig.samples import write_samples
 from rig.verify import beside, verify
 
@@ -147,6 +148,9 @@ def main() -> None:
         show_treads(seeded)
         show_creep(seeded)
         show_sensors(seeded)
+        show_wander(
+            sorted(p.parent for p in (given.shared / 'measured').glob('*/*/metadata.yaml'))
+        )
     elif given.verb == 'beside':
         beside(given.bags)
     elif given.verb == 'floor':

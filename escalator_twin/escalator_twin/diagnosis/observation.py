@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from scipy import fft, ndimage
 from scipy.interpolate import CubicSpline
 
 from escalator_twin.comparison.judge import Judgement
@@ -36,6 +36,8 @@ class Observation:
     valid : (n, c) bool
     start_m : float
         Travel from path coordinate 0 of axle 0 to where the twin's run began.
+    rotation_rad : tuple of float
+        Rotation vector of the acceleration sensor in the step's frame, as the comparison found it.
     """
 
     frame: Frame
@@ -45,6 +47,7 @@ class Observation:
     measured: Floats
     valid: np.ndarray
     start_m: float
+    rotation_rad: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @property
     def travel_m(self) -> Floats:
@@ -83,6 +86,8 @@ def observe(
     index = np.arange(
         int(np.ceil((first + start_m) / spacing)), int(np.floor((last + start_m) / spacing)) + 1
     )
+    # cosine transforms of every column are of this length: with large prime factors they take five times as long
+    index = index[: fft.prev_fast_len(len(index))]
     travel = index * spacing - start_m
     measured = np.empty((len(index), len(channels)))
     time = np.empty_like(measured)
@@ -97,7 +102,8 @@ def observe(
         time[:, k] = when
         good = np.interp(travel, way, track.valid[: len(way)].astype(float)) > 0.999
         valid[:, k] = _widened(good, round(0.1 * frame.rate_hz))
-    return Observation(frame, channels, index, time, measured, valid, start_m)
+    pose = tuple(np.deg2rad(judgement.pose.get('rotation_deg', (0.0, 0.0, 0.0))).tolist())
+    return Observation(frame, channels, index, time, measured, valid, start_m, pose)
 
 
 def _course(judgement: Judgement, channel: str) -> tuple[Floats, Floats]:

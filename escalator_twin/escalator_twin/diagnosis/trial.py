@@ -125,7 +125,15 @@ def try_all(
             proposals = [*afar.proposals, *(_scanned(afar.place, p, jobs) for p in moving)]
             sought = replace(afar, proposals=proposals)
             places = [place, *(t.polished.place for t in fitted_again if t.polished is not None)]
-            fitted_again += _tried_afar(context, sought, place, known, pool, jobs, places, worth)
+            done = tuple(fitted_again)
+
+            def from_afar(one: Proposal, gain: float) -> bool:
+                left = not is_done(place, done, one, context.floor)
+                return left and (worth is None or worth(one, gain))
+
+            fitted_again += _tried_afar(
+                context, sought, place, known, pool, jobs, places, from_afar
+            )
             if known or is_riddle(place, fitted_again, context.floor):
                 fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
@@ -189,6 +197,17 @@ def is_riddle(place: Beside, tried: Sequence[Tried], floor: Floor) -> bool:
         for t in tried
         if t.polished is not None
     )
+
+
+def is_done(place: Beside, tried: Sequence[Tried], proposal: Proposal, floor: Floor) -> bool:
+    """Tell whether a proposal was fitted, as the best, and left nearly nothing of what was open.
+
+    From another start it could explain no more than that.
+    """
+    best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
+    if best is None or best.polished is None or not same_place(best.proposal, proposal):
+        return False
+    return excess_of(best.polished.place, floor) < WHOLE_LEFT * excess_of(place, floor)
 
 
 def _closes(tried: Tried, floor: Floor) -> bool:
