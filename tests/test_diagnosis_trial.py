@@ -1,6 +1,5 @@
-"""What is fitted from the machine as described: what promises most, and what a tolerance stands in for."""
+"""What is fitted with all else, how far it is fitted on, and what takes the place of what."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import inf
 from types import SimpleNamespace
@@ -8,8 +7,6 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import fitting, polish, trial
-from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -20,89 +17,8 @@ pytestmark = pytest.mark.issue(7)
 
 ROLLING = Proposal('rolling_resistance', {}, {'factor': 0.74}, 500.0)
 LANDING = Proposal('landing_length', {'which': 'upper'}, {'delta_m': -3.6e-3}, 18.0)
-EDGE = Proposal('landing_length', {'which': 'upper'}, {'delta_m': 2.4e-3}, 0.0)
 FRAME = Proposal('truss_resonance', {}, {'frequency_hz': 8.0}, 4e4)
 FRICTION = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
-
-
-@dataclass(frozen=True)
-class Held:
-    """Of a context what is replaced in it."""
-
-    knobs: object
-    responses: object = None
-    floor: object = None
-
-
-@pytest.mark.parametrize(
-    ('edges', 'known', 'is_open', 'closes', 'fitted'),
-    [
-        ((), [FRICTION], True, False, [ROLLING]),
-        ((EDGE,), [FRICTION], True, False, [ROLLING, EDGE]),
-        ((ROLLING,), [FRICTION], True, False, [ROLLING]),  # leads already: once is enough
-        # beside nothing known any effect turns tolerances to their edges
-        ((EDGE,), [], True, False, [ROLLING, EDGE]),
-        ((EDGE,), [], True, True, [ROLLING]),
-        ((EDGE,), [], False, False, [ROLLING]),
-    ],
-)
-def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
-    monkeypatch, edges, known, is_open, closes, fitted
-):
-    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
-    ))  # fmt: skip
-    done = []
-
-    def fitted_beside(_context, _place, _known, refined, _turned, _share):
-        done.append(refined.proposal)
-        polished = Polished(context, SimpleNamespace(is_open=not closes), (), ())
-        return Tried(refined.proposal, refined.gain, {}, polished)
-
-    monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
-    monkeypatch.setattr(trial, 'is_open', lambda place, *_: place.is_open)
-    monkeypatch.setattr(trial, 'excess_of', lambda *_: 100.0)
-    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
-    monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
-    context = Held(None, Held({}), None)
-    bare = SimpleNamespace(
-        observation=SimpleNamespace(frame=SimpleNamespace(pitch_m=0.4, speed_m_s=0.5))
-    )
-    stage = SimpleNamespace(judged=lambda *_: 1e4, lean=lambda _: bare)
-    place = SimpleNamespace(stage=stage, model=None, fitted=None, is_open=is_open)
-    afar = Afar(context, place, [ROLLING, LANDING], edges)
-    trial.try_all(context, place, known, [], 1, afar)
-    assert done == fitted
-
-
-@pytest.mark.parametrize(
-    ('cause', 'is_open', 'is_closed'),
-    [('roller_drag', False, True), ('roller_drag', True, False), ('guide_step', False, False)],
-)
-def test_an_effect_of_one_axle_that_leaves_nothing_needs_no_rival_from_afar(
-    monkeypatch, cause, is_open, is_closed
-):
-    monkeypatch.setattr(trial, 'is_open', lambda *_: is_open)
-    fit = SimpleNamespace(place=None)
-    first = Tried(Proposal(cause, {}, {}, 900.0), 900.0, {}, fit)
-    second = Tried(Proposal('guide_step', {}, {}, 30.0), 30.0, {}, fit)
-    unfitted = Tried(Proposal('step_mass', {}, {}, 2000.0), 2000.0, {}, None)
-    assert trial.is_closed([second, first, unfitted], None) is is_closed
-    assert not trial.is_closed([unfitted], None)
-
-
-@pytest.mark.parametrize(
-    ('cause', 'left', 'is_done'),
-    [('load_offset', 4.0, True), ('load_offset', 6.0, False), ('landing_length', 4.0, False)],
-)
-def test_what_left_nearly_nothing_is_not_fitted_from_afar_again(monkeypatch, cause, left, is_done):
-    monkeypatch.setattr(trial, 'excess_of', lambda place, _: place)
-    best = Tried(Proposal('load_offset', {}, {}, 900.0), 990.0, {}, SimpleNamespace(place=left))
-    other = Tried(LANDING, 300.0, {}, SimpleNamespace(place=1.0))
-    unfitted = Tried(ROLLING, 2_000.0, {}, None)
-    sought = Proposal(cause, {'which': 'upper'} if cause == 'landing_length' else {}, {}, 950.0)
-    assert trial.is_done(1_000.0, [other, best, unfitted], sought, None) is is_done
-    assert not trial.is_done(1_000.0, [unfitted], sought, None)
 
 
 @dataclass(frozen=True)
@@ -136,15 +52,6 @@ def test_a_rails_step_must_explain_more_than_a_rival_does_there(landing, expecte
     rival = Tried(LANDING, 200.0, {}, Polished(None, landing, (), ()))
     found = trial.shared(before, [step, rival])
     assert [t.gain for t in found] == [expected, 200.0]
-
-
-@pytest.mark.parametrize(('left', 'is_riddle'), [(20.0, False), (40.0, True)])
-def test_what_leaves_a_quarter_is_followed(monkeypatch, left, is_riddle):
-    monkeypatch.setattr(trial, 'is_open', lambda *_: True)
-    monkeypatch.setattr(trial, 'excess_of', lambda place, _: place)
-    best = Tried(ROLLING, 200.0, {}, SimpleNamespace(place=left))
-    unfitted = Tried(LANDING, 900.0, {}, None)
-    assert trial.is_riddle(100.0, [best, unfitted], None) is is_riddle
 
 
 @pytest.mark.parametrize(
@@ -234,125 +141,6 @@ def test_beside_what_explains_most_tolerances_are_turned_far(
     assert len(calls) == tried
     assert bool(whole) is is_polished
     assert settled.gain == 1e4 - fits[min(tried, len(levels))].place.left
-
-
-def leveled(chi2, shaken=0.0):
-    """Return a machine beside a recording, and what is left there; a cause that shakes is judged by more."""
-    stage = SimpleNamespace(judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING))
-    return SimpleNamespace(stage=stage, model=None, fitted=chi2)
-
-
-@pytest.mark.parametrize(
-    ('known', 'is_fitted'),
-    [
-        ([], False),
-        ([Proposal('roller_flat', {'axle': 3, 'side': 'left'}, {}, 9e4)], False),
-        ([Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.09}, 9e4)], False),
-        ([FRICTION], True),  # the tuned tolerances are another machine's
-    ],
-)
-def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
-    monkeypatch, known, is_fitted
-):
-    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
-    ))  # fmt: skip
-    monkeypatch.setattr(trial, '_fitted_afar', lambda *given: given[4])
-    afar = Afar(None, leveled(2.6e3), [ROLLING])
-    others = [leveled(1.4e3), leveled(1e3)]
-    with ThreadPoolExecutor(1) as pool:
-        found = trial._tried_afar(None, afar, None, known, pool, 1, others)
-        in_vain = trial._tried_afar(None, afar, None, known, pool, 1, others, lambda *_: False)
-    assert bool(found) is is_fitted
-    assert not in_vain
-
-
-@pytest.mark.issue(6)
-@pytest.mark.parametrize(('gain', 'is_fitted'), [(4.0e4, True), (2.0e4, False)])
-def test_a_frame_is_as_far_above_as_its_own_channels_say(monkeypatch, gain, is_fitted):
-    """What of a step's x and z a frame explains is beside what it leaves there, not beside nothing."""
-    frame = replace(FRAME, gain=gain)
-    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
-    ))  # fmt: skip
-    monkeypatch.setattr(trial, '_fitted_afar', lambda *given: given[4])
-    afar = Afar(None, leveled(1e4, 4e4), [frame])
-    other = leveled(2e3, 1e4)
-    with ThreadPoolExecutor(1) as pool:
-        found = trial._tried_afar(None, afar, None, [], pool, 1, [other])
-    assert bool(found) is is_fitted
-
-
-@pytest.mark.issue(6)
-@pytest.mark.parametrize('from_afar', [True, False])
-def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypatch, from_afar):
-    scanned = []
-
-    def scan(_stage, model, _fitted, proposal, _jobs):
-        scanned.append(model)
-        return replace(proposal, parameters={'frequency_hz': 6.8})
-
-    bare = SimpleNamespace(
-        observation=SimpleNamespace(frame=SimpleNamespace(pitch_m=0.4, speed_m_s=0.5))
-    )
-    tuned, nominal = (
-        SimpleNamespace(
-            stage=SimpleNamespace(judged=lambda *_: 9e4, lean=lambda _: bare),
-            model=name,
-            fitted=None,
-        )
-        for name in ('tuned', 'nominal')
-    )
-    fits = []
-
-    def fitted_beside(_context, _place, _known, refined, turned, *_):
-        fits.append((refined.proposal, turned))
-        return Tried(refined.proposal, refined.gain, {}, Polished(context, tuned, (), ()))
-
-    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
-    ))  # fmt: skip
-    monkeypatch.setitem(trial.SCANS, 'truss_resonance', scan)
-    monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
-    monkeypatch.setattr(trial, 'is_riddle', lambda *_: False)
-    monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
-    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
-    monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
-    context = Held(None, Held({}))
-    afar = Afar(context, nominal, []) if from_afar else None
-    found = trial.try_all(context, tuned, [], [FRAME], 1, afar)
-    assert scanned == ['nominal' if from_afar else 'tuned']
-    ((proposal, turned),) = fits
-    assert proposal.parameters['frequency_hz'] == 6.8
-    assert turned == ({} if from_afar else None)  # no tolerance turned, or as they were tuned
-    assert [t.proposal for t in found] == [proposal]
-
-
-@pytest.mark.parametrize(
-    ('cause', 'alone', 'tried'),
-    [
-        ('roller_flat', 3.9e4, ['right']),
-        ('roller_flat', 1.9e4, []),  # run once, it explains half as much: another thing
-        ('roller_drag', 3.9e4, ['right']),
-        ('step_mass', 3.9e4, []),
-    ],
-)
-def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, alone, tried):
-    stage = SimpleNamespace(turned={'racking': 1.2})
-    fit = Polished(None, SimpleNamespace(stage=stage), (), ())
-    left = Proposal(cause, {'axle': 38, 'side': 'left'}, {'x': 1.0}, 4e4)
-    done = []
-
-    def fitted_beside(_context, _place, _known, refined, turned, _jobs):
-        done.append(refined.proposal.location['side'])
-        assert turned == stage.turned  # from where the first one ended
-        return Tried(refined.proposal, 5e4, {}, fit)
-
-    monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
-    refined = [Refined(left, None, None, 4e4, {}, None, ())]
-    found = trial._other_sides(None, (), refined, [Tried(left, 4e4, {}, fit)], 1, lambda _: alone)
-    assert done == tried
-    assert [t.proposal.location['axle'] for t in found] == [38] * len(tried)
 
 
 def test_a_known_hunting_is_fitted_on_beside_a_further_effect(monkeypatch):

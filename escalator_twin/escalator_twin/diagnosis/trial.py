@@ -1,10 +1,11 @@
 """Run the twin with what a search proposes, and fit the best of it together with the tolerances."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.closing import KICK_LEFT, MOST_LEFT, WHOLE_LEFT
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import (
@@ -14,27 +15,20 @@ from escalator_twin.diagnosis.fitting import (
     MOVES_RESONANCE,
     plain,
 )
-from escalator_twin.diagnosis.floor import Floor, SHAKING
-from escalator_twin.diagnosis.frames import best_frame
-from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.free import freed
+from escalator_twin.diagnosis.from_afar import FIRST_STEPS, SCANS, tried_from_afar, Worth
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import polish_kicked, polish_whole, Polished
-from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
-from escalator_twin.diagnosis.search import SIDES
-from escalator_twin.diagnosis.stretches import best_stretch
+from escalator_twin.diagnosis.sides import other_sides
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
+from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
 
 CLOSE = 0.8  # of the best gain, from which a second one is fitted with the tolerances as well
-FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
-CLOSEST = 0.85  # the same of what was sought from afar
-# Of what a recording holds above a good machine's: a cause that leaves less is followed, and what else there
-# is comes beside it.
-MOST_LEFT = 0.25
-FIRST_STEPS = 1  # of a contender, before the best is known
 # Fall of chi squared from which what an effect does hangs on the tolerances by more than noise: a
 # tenth of it is some standard deviations.
 LARGE = 300.0
@@ -42,20 +36,6 @@ LARGE = 300.0
 # is the last.
 WORTH = 0.05
 KICKED = 3  # times that one tolerance is turned far beside the best effect of a single link
-# Of what a recording holds above a good machine's: beside an effect that leaves less than the first, turning
-# tolerances far changed a soft link's factor from 0.304 to 0.303, a drag from 122 to 121 N; less than the second,
-# fitting on changed an eccentricity by a fifth of a percent.
-KICK_LEFT, WHOLE_LEFT = 0.01, 0.005
-# Whose ends or frequency are looked for with the twin itself: the best of each.
-SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
-# Whose sides look alike but for the axle's racking. A side that explains less, run once, than this share of
-# what the first one did is not fitted. An argument, not measured: sides that can be taken for each other explain
-# about as much; of one flat spot and one soft link, named on the right side, the other explained 0.5 and 0.3.
-ALIKE = 0.6
-SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
-
-
-Worth = Callable[[Proposal, float], bool]
 
 
 def try_all(
@@ -120,22 +100,11 @@ def try_all(
         def gain_of(proposal: Proposal) -> float:
             return max((p.gain for p in scored(stage, base, fitted, [proposal])), default=0.0)
 
-        fitted_again += _other_sides(place, known, refined, fitted_again, jobs, gain_of)
-        if afar is not None and not is_closed(fitted_again, context.floor):
-            proposals = [*afar.proposals, *(_scanned(afar.place, p, jobs) for p in moving)]
-            sought = replace(afar, proposals=proposals)
-            places = [place, *(t.polished.place for t in fitted_again if t.polished is not None)]
-            done = tuple(fitted_again)
-
-            def from_afar(one: Proposal, gain: float) -> bool:
-                left = not is_done(place, done, one, context.floor)
-                return left and (worth is None or worth(one, gain))
-
-            fitted_again += _tried_afar(
-                context, sought, place, known, pool, jobs, places, from_afar
+        fitted_again += other_sides(place, known, refined, fitted_again, jobs, gain_of)
+        if afar is not None:
+            fitted_again += tried_from_afar(
+                context, afar, place, known, fitted_again, moving, jobs, worth
             )
-            if known or is_riddle(place, fitted_again, context.floor):
-                fitted_again += _at_edges(context, afar, place, known, fitted_again, pool, jobs)
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = shared(place, locked(context, place, fitted_again + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
@@ -176,43 +145,6 @@ def _locked_better(known: Sequence[Proposal], tried: list[Tried], jobs: int) -> 
         return tried
     near = next((t.polished for t in tried if t.polished and t.proposal.cause in DRIVE), None)
     return tried if near is None else [fitted_near(known, tried[0], near, jobs), *tried[1:]]
-
-
-def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
-    """Tell whether an effect of one link, axle or step leaves no more than a good machine does.
-
-    What the whole machine may have is of another form, and cannot do as well.
-    """
-    best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
-    return best is not None and best.proposal.cause in LOCAL and _closes(best, floor)
-
-
-def is_riddle(place: Beside, tried: Sequence[Tried], floor: Floor) -> bool:
-    """Tell whether a recording holds more than a good machine's and nothing fitted explains most of it."""
-    if not is_open(place, floor, SIGMAS):
-        return False
-    most = MOST_LEFT * excess_of(place, floor)
-    return not any(
-        _closes(t, floor) or excess_of(t.polished.place, floor) < most
-        for t in tried
-        if t.polished is not None
-    )
-
-
-def is_done(place: Beside, tried: Sequence[Tried], proposal: Proposal, floor: Floor) -> bool:
-    """Tell whether a proposal was fitted, as the best, and left nearly nothing of what was open.
-
-    From another start it could explain no more than that.
-    """
-    best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
-    if best is None or best.polished is None or not same_place(best.proposal, proposal):
-        return False
-    return excess_of(best.polished.place, floor) < WHOLE_LEFT * excess_of(place, floor)
-
-
-def _closes(tried: Tried, floor: Floor) -> bool:
-    """Tell whether an effect that was fitted with all else leaves no more than a good machine."""
-    return tried.polished is not None and not is_open(tried.polished.place, floor)
 
 
 def _fitted_all(
@@ -270,144 +202,3 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     if gain <= tried.gain:
         return tried
     return Tried(whole.effects[-1], gain, whole.sd[-1], whole)
-
-
-def _other_sides(
-    place: Beside,
-    known: Sequence[Proposal],
-    refined: Sequence[Refined],
-    fitted: Sequence[Tried],
-    jobs: int,
-    gain_of: Callable[[Proposal], float],
-) -> list[Tried]:
-    """Fit the best on its other sides too, from the tolerances that it ended with.
-
-    Where the sides differ by little, which is right must not hang on how far each fit has come.
-
-    Parameters
-    ----------
-    refined : sequence of Refined
-        All contenders.
-    fitted : sequence of Tried
-        The leading ones.
-    gain_of : callable
-        What a proposal that is run once gains at its best size.
-    """
-    best = max((t for t in fitted if t.polished is not None), key=lambda t: t.gain, default=None)
-    if best is None or best.polished is None or best.proposal.cause not in SIDED:
-        return []
-    side = best.proposal.location.get('side')
-    others = {
-        str(r.proposal.location['side']): r
-        for r in reversed(refined)
-        if r.proposal.cause == best.proposal.cause
-        and r.proposal.location['side'] != side
-        and is_beside(r.proposal, best.proposal)
-    }
-    if side in SIDES and best.proposal.cause != 'guide_step':
-        other = SIDES[1 - SIDES.index(str(side))]
-        location = {**best.proposal.location, 'side': other}
-        like = next(r for r in refined if r.proposal.cause == best.proposal.cause)
-        mirrored = replace(best.proposal, location=location)
-        others = {other: replace(like, proposal=mirrored, gain=gain_of(mirrored))}
-    own = max(r.gain for r in refined if r.proposal.cause == best.proposal.cause)
-    others = {name: r for name, r in others.items() if r.gain > ALIKE * own}
-    turned = best.polished.place.stage.turned
-    context = best.polished.context
-    if best.proposal.cause in LOCAL:  # all leading ones began at the same tolerances
-        done = [t.proposal for t in fitted if t.polished is not None]
-        others = {
-            name: r
-            for name, r in others.items()
-            if not any(same_place(r.proposal, d) for d in done)
-        }
-    found = [fitted_beside(context, place, known, r, turned, jobs) for r in others.values()]
-    return [t for t in found if t.polished is not None]
-
-
-def is_beside(one: Proposal, other: Proposal) -> bool:
-    """Tell whether two proposals sit at the same place but for the side."""
-    place = {**one.location, 'side': other.location['side']}
-    return same_place(replace(one, location=place), other)
-
-
-def _scanned(place: Beside, proposal: Proposal, jobs: int) -> Proposal:
-    stage = place.stage.lean(place.model)
-    return SCANS[proposal.cause](stage, place.model, place.fitted, proposal, jobs)
-
-
-def _tried_afar(
-    context: Context,
-    afar: Afar,
-    place: Beside,
-    known: Sequence[Proposal],
-    pool: ThreadPoolExecutor,
-    jobs: int,
-    places: Sequence[Beside],
-    worth: Worth | None = None,
-) -> list[Tried]:
-    """Fit what was sought from the machine as described, beginning there.
-
-    ``places`` are what others come down to: what is far above the best of them is left. ``worth`` is that of
-    `try_all`.
-    """
-    base = afar.place
-
-    def is_far(one: Refined) -> bool:
-        cause = one.proposal.cause
-        level = min(p.stage.judged(p.fitted, cause) for p in places)
-        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * level
-
-    first = pool.map(
-        lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
-    )
-    refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
-    leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
-    leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
-    # beside what changes the whole machine, what the tolerances are to take up is far above all else
-    if not any(of_machine(k) and k.cause not in LOCAL for k in known):
-        leading = [r for r in leading if not is_far(r)]
-    return _fitted_afar(context, afar, place, known, leading, pool, jobs)
-
-
-def _at_edges(
-    context: Context,
-    afar: Afar,
-    place: Beside,
-    known: Sequence[Proposal],
-    tried: Sequence[Tried],
-    pool: ThreadPoolExecutor,
-    jobs: int,
-) -> list[Tried]:
-    """Fit the causes whose tolerance the tuning has used up, but those that were tried.
-
-    Beside nothing known whatever is wrong may turn a tolerance to its edge: then only where
-    nothing else closes what is open.
-    """
-    base = afar.place
-    done = {t.proposal.cause for t in tried if t.polished is not None}
-    edges = [e for e in afar.edges if e.cause not in done]
-    runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
-    found = [r for r in runs if r is not None]
-    return _fitted_afar(context, afar, place, known, found, pool, jobs)
-
-
-def _fitted_afar(
-    context: Context,
-    afar: Afar,
-    place: Beside,
-    known: Sequence[Proposal],
-    leading: Sequence[Refined],
-    pool: ThreadPoolExecutor,
-    jobs: int,
-) -> list[Tried]:
-    """Fit causes from the machine as described, no tolerance turned."""
-    fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, jobs), leading)
-    found = []
-    for tried in fitted:
-        if tried.polished is not None:
-            # from here on with what every other cause does
-            knobs = tried.polished.context.responses.knobs
-            whole = replace(context, responses=replace(context.responses, knobs=knobs))
-            found.append(replace(tried, polished=replace(tried.polished, context=whole)))
-    return found

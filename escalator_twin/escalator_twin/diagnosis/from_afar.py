@@ -1,0 +1,158 @@
+"""Fit what was sought from the machine as described, beginning there."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.closing import is_closed, is_done, is_riddle
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.fitting import fitted_beside
+from escalator_twin.diagnosis.frames import best_frame
+from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.stretches import best_stretch
+from escalator_twin.diagnosis.tried import Tried
+
+FIRST_STEPS = 1  # of a contender, before the best is known
+FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
+CLOSEST = 0.85  # the same of what was sought from afar
+# Whose ends or frequency are looked for with the twin itself: the best of each.
+SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
+
+Worth = Callable[[Proposal, float], bool]
+
+
+def tried_from_afar(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    fitted: Sequence[Tried],
+    moving: Sequence[Proposal],
+    jobs: int,
+    worth: Worth | None = None,
+) -> list[Tried]:
+    """Fit what may look like other causes beside tolerances that were tuned to it.
+
+    Nothing is where one of those fitted closes the recording.
+
+    Parameters
+    ----------
+    context : Context
+    afar : Afar
+    place : Beside
+        The machine with the known effects, its tolerances tuned.
+    known : sequence of Proposal
+        Accepted effects, of machine and measurement.
+    fitted : sequence of Tried
+        What was fitted from there.
+    moving : sequence of Proposal
+        More contenders, whose frequency is to be looked for with the machine as described.
+    jobs : int
+        Simulations at a time.
+    worth : callable, optional
+        As of `trial.try_all`.
+    """
+    floor = context.floor
+    if is_closed(fitted, floor):
+        return []
+    proposals = [*afar.proposals, *(scanned(afar.place, p, jobs) for p in moving)]
+    sought = replace(afar, proposals=proposals)
+    places = [place, *(t.polished.place for t in fitted if t.polished is not None)]
+
+    def is_worth(one: Proposal, gain: float) -> bool:
+        left = not is_done(place, fitted, one, floor)
+        return left and (worth is None or worth(one, gain))
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        found = _tried_afar(context, sought, place, known, pool, jobs, places, is_worth)
+        tried = [*fitted, *found]
+        if known or is_riddle(place, tried, floor):
+            found += _at_edges(context, afar, place, known, tried, pool, jobs)
+    return found
+
+
+def scanned(place: Beside, proposal: Proposal, jobs: int) -> Proposal:
+    """Return a proposal whose ends or frequency were looked for beside a machine."""
+    stage = place.stage.lean(place.model)
+    return SCANS[proposal.cause](stage, place.model, place.fitted, proposal, jobs)
+
+
+def _tried_afar(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+    places: Sequence[Beside],
+    worth: Worth | None = None,
+) -> list[Tried]:
+    """Fit what was sought from the machine as described, beginning there.
+
+    ``places`` are what others come down to: what is far above the best of them is left. ``worth`` is that of
+    `trial.try_all`.
+    """
+    base = afar.place
+
+    def is_far(one: Refined) -> bool:
+        cause = one.proposal.cause
+        level = min(p.stage.judged(p.fitted, cause) for p in places)
+        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * level
+
+    first = pool.map(
+        lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
+    )
+    refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
+    leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
+    leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
+    # beside what changes the whole machine, what the tolerances are to take up is far above all else
+    if not any(of_machine(k) and k.cause not in LOCAL for k in known):
+        leading = [r for r in leading if not is_far(r)]
+    return _fitted_afar(context, afar, place, known, leading, pool, jobs)
+
+
+def _at_edges(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    tried: Sequence[Tried],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+) -> list[Tried]:
+    """Fit the causes whose tolerance the tuning has used up, but those that were tried.
+
+    Beside nothing known whatever is wrong may turn a tolerance to its edge: then only where
+    nothing else closes what is open.
+    """
+    base = afar.place
+    done = {t.proposal.cause for t in tried if t.polished is not None}
+    edges = [e for e in afar.edges if e.cause not in done]
+    runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
+    found = [r for r in runs if r is not None]
+    return _fitted_afar(context, afar, place, known, found, pool, jobs)
+
+
+def _fitted_afar(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    leading: Sequence[Refined],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+) -> list[Tried]:
+    """Fit causes from the machine as described, no tolerance turned."""
+    fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, jobs), leading)
+    found = []
+    for tried in fitted:
+        if tried.polished is not None:
+            # from here on with what every other cause does
+            knobs = tried.polished.context.responses.knobs
+            whole = replace(context, responses=replace(context.responses, knobs=knobs))
+            found.append(replace(tried, polished=replace(tried.polished, context=whole)))
+    return found

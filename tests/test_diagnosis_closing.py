@@ -1,0 +1,53 @@
+"""Whether what was fitted leaves more of a recording than a good machine does."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from escalator_twin.diagnosis import closing
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.tried import Tried
+
+pytestmark = pytest.mark.issue(7)
+
+ROLLING = Proposal('rolling_resistance', {}, {'factor': 0.74}, 500.0)
+LANDING = Proposal('landing_length', {'which': 'upper'}, {'delta_m': -3.6e-3}, 18.0)
+
+
+@pytest.mark.parametrize(
+    ('cause', 'is_open', 'is_closed'),
+    [('roller_drag', False, True), ('roller_drag', True, False), ('guide_step', False, False)],
+)
+def test_an_effect_of_one_axle_that_leaves_nothing_needs_no_rival_from_afar(
+    monkeypatch, cause, is_open, is_closed
+):
+    monkeypatch.setattr(closing, 'is_open', lambda *_: is_open)
+    fit = SimpleNamespace(place=None)
+    first = Tried(Proposal(cause, {}, {}, 900.0), 900.0, {}, fit)
+    second = Tried(Proposal('guide_step', {}, {}, 30.0), 30.0, {}, fit)
+    unfitted = Tried(Proposal('step_mass', {}, {}, 2000.0), 2000.0, {}, None)
+    assert closing.is_closed([second, first, unfitted], None) is is_closed
+    assert not closing.is_closed([unfitted], None)
+
+
+@pytest.mark.parametrize(
+    ('cause', 'left', 'is_done'),
+    [('load_offset', 4.0, True), ('load_offset', 6.0, False), ('landing_length', 4.0, False)],
+)
+def test_what_left_nearly_nothing_is_not_fitted_from_afar_again(monkeypatch, cause, left, is_done):
+    monkeypatch.setattr(closing, 'excess_of', lambda place, _: place)
+    best = Tried(Proposal('load_offset', {}, {}, 900.0), 990.0, {}, SimpleNamespace(place=left))
+    other = Tried(LANDING, 300.0, {}, SimpleNamespace(place=1.0))
+    unfitted = Tried(ROLLING, 2_000.0, {}, None)
+    sought = Proposal(cause, {'which': 'upper'} if cause == 'landing_length' else {}, {}, 950.0)
+    assert closing.is_done(1_000.0, [other, best, unfitted], sought, None) is is_done
+    assert not closing.is_done(1_000.0, [unfitted], sought, None)
+
+
+@pytest.mark.parametrize(('left', 'is_riddle'), [(20.0, False), (40.0, True)])
+def test_what_leaves_a_quarter_is_followed(monkeypatch, left, is_riddle):
+    monkeypatch.setattr(closing, 'is_open', lambda *_: True)
+    monkeypatch.setattr(closing, 'excess_of', lambda place, _: place)
+    best = Tried(ROLLING, 200.0, {}, SimpleNamespace(place=left))
+    unfitted = Tried(LANDING, 900.0, {}, None)
+    assert closing.is_riddle(100.0, [best, unfitted], None) is is_riddle

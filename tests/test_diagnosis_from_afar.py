@@ -1,0 +1,185 @@
+"""What is fitted from the machine as described: what promises most, and what a tolerance stands in for."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import pytest
+
+from escalator_twin.diagnosis import closing, from_afar, trial
+from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.polish import Polished
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.tried import Tried
+
+pytestmark = pytest.mark.issue(7)
+
+ROLLING = Proposal('rolling_resistance', {}, {'factor': 0.74}, 500.0)
+LANDING = Proposal('landing_length', {'which': 'upper'}, {'delta_m': -3.6e-3}, 18.0)
+EDGE = Proposal('landing_length', {'which': 'upper'}, {'delta_m': 2.4e-3}, 0.0)
+FRAME = Proposal('truss_resonance', {}, {'frequency_hz': 8.0}, 4e4)
+FRICTION = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
+
+
+@dataclass(frozen=True)
+class Held:
+    """Of a context what is replaced in it."""
+
+    knobs: object
+    responses: object = None
+    floor: object = None
+
+
+def leveled(chi2, shaken=0.0):
+    """Return a machine beside a recording, and what is left there; a cause that shakes is judged by more."""
+    stage = SimpleNamespace(judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING))
+    return SimpleNamespace(stage=stage, model=None, fitted=chi2)
+
+
+@pytest.mark.parametrize(
+    ('edges', 'known', 'is_open', 'closes', 'fitted'),
+    [
+        ((), [FRICTION], True, False, [ROLLING]),
+        ((EDGE,), [FRICTION], True, False, [ROLLING, EDGE]),
+        ((ROLLING,), [FRICTION], True, False, [ROLLING]),  # leads already: once is enough
+        # beside nothing known any effect turns tolerances to their edges
+        ((EDGE,), [], True, False, [ROLLING, EDGE]),
+        ((EDGE,), [], True, True, [ROLLING]),
+        ((EDGE,), [], False, False, [ROLLING]),
+    ],
+)
+def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
+    monkeypatch, edges, known, is_open, closes, fitted
+):
+    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    done = []
+
+    def fitted_beside(_context, _place, _known, refined, _turned, _share):
+        done.append(refined.proposal)
+        polished = Polished(context, SimpleNamespace(is_open=not closes), (), ())
+        return Tried(refined.proposal, refined.gain, {}, polished)
+
+    monkeypatch.setattr(from_afar, 'fitted_beside', fitted_beside)
+    monkeypatch.setattr(closing, 'is_open', lambda place, *_: place.is_open)
+    monkeypatch.setattr(closing, 'excess_of', lambda *_: 100.0)
+    context = Held(None, Held({}), None)
+    stage = SimpleNamespace(judged=lambda *_: 1e4)
+    place = SimpleNamespace(stage=stage, model=None, fitted=None, is_open=is_open)
+    afar = Afar(context, place, [ROLLING, LANDING], edges)
+    from_afar.tried_from_afar(context, afar, place, known, [], [], 1)
+    assert done == fitted
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(('left', 'fits'), [(4.0, 0), (6.0, 1)])
+def test_what_left_nearly_nothing_is_not_fitted_there_again(monkeypatch, left, fits):
+    """Of 1000 that are open: below and above a two-hundredth."""
+    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    monkeypatch.setattr(closing, 'is_open', lambda *_: True)
+    monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.left)
+    place, there = (
+        SimpleNamespace(
+            stage=SimpleNamespace(judged=lambda fitted, *_: fitted),
+            model=None,
+            fitted=x + 1e3,
+            left=x,
+        )
+        for x in (1e3, left)
+    )
+    done = Tried(ROLLING, 990.0, {}, Polished(None, there, (ROLLING,), ({},)))
+    afar = Afar(None, place, [replace(ROLLING, gain=990.0)])
+    found = from_afar.tried_from_afar(Held(None), afar, place, [], [done], [], 1)
+    assert len(found) == fits
+
+
+@pytest.mark.parametrize(
+    ('known', 'is_fitted'),
+    [
+        ([], False),
+        ([Proposal('roller_flat', {'axle': 3, 'side': 'left'}, {}, 9e4)], False),
+        ([Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.09}, 9e4)], False),
+        ([FRICTION], True),  # the tuned tolerances are another machine's
+    ],
+)
+def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
+    monkeypatch, known, is_fitted
+):
+    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    afar = Afar(None, leveled(2.6e3), [ROLLING])
+    others = [leveled(1.4e3), leveled(1e3)]
+    with ThreadPoolExecutor(1) as pool:
+        found = from_afar._tried_afar(None, afar, None, known, pool, 1, others)
+        in_vain = from_afar._tried_afar(None, afar, None, known, pool, 1, others, lambda *_: False)
+    assert bool(found) is is_fitted
+    assert not in_vain
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(('gain', 'is_fitted'), [(4.0e4, True), (2.0e4, False)])
+def test_a_frame_is_as_far_above_as_its_own_channels_say(monkeypatch, gain, is_fitted):
+    """What of a step's x and z a frame explains is beside what it leaves there, not beside nothing."""
+    frame = replace(FRAME, gain=gain)
+    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    afar = Afar(None, leveled(1e4, 4e4), [frame])
+    other = leveled(2e3, 1e4)
+    with ThreadPoolExecutor(1) as pool:
+        found = from_afar._tried_afar(None, afar, None, [], pool, 1, [other])
+    assert bool(found) is is_fitted
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize('is_afar', [True, False])
+def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypatch, is_afar):
+    scanned = []
+
+    def scan(_stage, model, _fitted, proposal, _jobs):
+        scanned.append(model)
+        return replace(proposal, parameters={'frequency_hz': 6.8})
+
+    bare = SimpleNamespace(
+        observation=SimpleNamespace(frame=SimpleNamespace(pitch_m=0.4, speed_m_s=0.5))
+    )
+    tuned, nominal = (
+        SimpleNamespace(
+            stage=SimpleNamespace(judged=lambda *_: 9e4, lean=lambda _: bare),
+            model=name,
+            fitted=None,
+        )
+        for name in ('tuned', 'nominal')
+    )
+    fits = []
+
+    def fitted_beside(_context, _place, _known, refined, turned, *_):
+        fits.append((refined.proposal, turned))
+        return Tried(refined.proposal, refined.gain, {}, Polished(context, tuned, (), ()))
+
+    for module in (trial, from_afar):
+        monkeypatch.setattr(module, 'refine', lambda *given: SimpleNamespace(
+            proposal=given[3], gain=given[3].gain
+        ))  # fmt: skip
+        monkeypatch.setattr(module, 'fitted_beside', fitted_beside)
+    monkeypatch.setitem(trial.SCANS, 'truss_resonance', scan)
+    monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: False)
+    monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
+    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
+    monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
+    context = Held(None, Held({}))
+    afar = Afar(context, nominal, []) if is_afar else None
+    found = trial.try_all(context, tuned, [], [FRAME], 1, afar)
+    assert scanned == ['nominal' if is_afar else 'tuned']
+    ((proposal, turned),) = fits
+    assert proposal.parameters['frequency_hz'] == 6.8
+    assert turned == ({} if is_afar else None)  # no tolerance turned, or as they were tuned
+    assert [t.proposal for t in found] == [proposal]
