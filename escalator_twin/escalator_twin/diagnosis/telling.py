@@ -7,6 +7,7 @@ import numpy as np
 
 from escalator_twin.causes.base import Parameter
 from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.contenders import ACCEPT
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
@@ -23,7 +24,7 @@ from escalator_twin.diagnosis.verdict import (
     size_in_tolerances,
     Weighed,
 )
-from escalator_twin.diagnosis.walk import ACCEPT, Walked
+from escalator_twin.diagnosis.walk import Walked
 
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
 # that is further off; from recordings of development (seed 75001). A ripple's length was 3.8, 3.2 and 0.2 parts in

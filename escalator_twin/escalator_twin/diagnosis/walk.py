@@ -6,20 +6,29 @@ from functools import partial
 from math import inf
 
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
-from escalator_twin.diagnosis.bounds import Bounds, HOPE
+from escalator_twin.diagnosis.bounds import Bounds
+from escalator_twin.diagnosis.contenders import (
+    ACCEPT,
+    candidates,
+    choose,
+    is_hopeless,
+    is_known_fault,
+    is_unrun,
+    one_gauge,
+    place_of,
+)
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.families import COSTLY, FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
 from escalator_twin.diagnosis.found import (
     Found,
     is_in_vain,
-    ONE_GAUGE,
 )
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
-from escalator_twin.diagnosis.proposals import Proposal, same_place
-from escalator_twin.diagnosis.search import Search, search_all, WORTH
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
@@ -29,7 +38,6 @@ from escalator_twin.diagnosis.unexplained import (
 from escalator_twin.diagnosis.verdict import (
     by_data,
     EFFECT_TOLERANCES,
-    evidence_of,
     neutral_of,
     size_in_tolerances,
     weigh,
@@ -39,10 +47,6 @@ from escalator_twin.diagnosis.view import View
 
 MOST_EFFECTS = 3
 MOST_ROUNDS = 4  # one more, for what took a later effect's place and is dropped beside it
-CONTENDERS = 4  # proposals that are simulated in a round
-OF_ONE_CAUSE = 2
-LEAST_GAIN = 25.0  # of chi squared: below it nothing is simulated
-ACCEPT = 0.5  # probability from which an effect is accepted and taken out before the next round
 
 Say = Callable[[str], None]
 
@@ -138,7 +142,7 @@ def walk(
             break
         known = [*start, *(f.proposal for f in found)]
         proposals = [
-            p for p in bench.propose(context, place, jobs) if not _is_known_fault(p, known)
+            p for p in bench.propose(context, place, jobs) if not is_known_fault(p, known)
         ]
         afar = None
         hides_more = not bounds.is_left_over('', bounds.most())
@@ -149,27 +153,27 @@ def walk(
             afar = replace(afar, proposals=choose(afar.proposals), edges=edges)
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
         if not any(bounds.may_stand(p) for p in sought_all):
-            weighed = weigh(_candidates(proposals, []))
+            weighed = weigh(candidates(proposals, []))
             break
         chosen = [
-            p for p in choose(proposals) if bounds.may_stand(p) and not _is_hopeless(p, proposals)
+            p for p in choose(proposals) if bounds.may_stand(p) and not is_hopeless(p, proposals)
         ]
         if afar is not None:
             sought = {p.cause for p in afar.proposals} & MOVES_RESONANCE
             chosen = [p for p in chosen if p.cause not in sought]
-        rival = max((by_data(p, p.gain) for p in _one_gauge(proposals)), default=-inf)
+        rival = max((by_data(p, p.gain) for p in one_gauge(proposals)), default=-inf)
         worth = partial(bounds.is_worth_fitting, rival=rival)
         tried = bench.attempt(context, place, known, chosen, jobs, afar, worth)
-        weighed = weigh(_candidates(proposals, tried))
-        if weighed and _is_unrun(weighed[0], tried):
+        weighed = weigh(candidates(proposals, tried))
+        if weighed and is_unrun(weighed[0], tried):
             # what was not chosen leads once those that were are no effects: nothing is named unrun
             alone = [weighed[0].proposal]
             tried = [
                 *tried,
                 *bench.attempt(context, place, known, alone, jobs, None, worth),
             ]
-            weighed = weigh(_candidates(proposals, tried))
-            weighed = [w for w in weighed if not _is_unrun(w, tried)]
+            weighed = weigh(candidates(proposals, tried))
+            weighed = [w for w in weighed if not is_unrun(w, tried)]
         if say is not None:
             for row in weighed[:4]:
                 say(
@@ -231,7 +235,7 @@ def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
             (
                 k
                 for k, (e, _) in enumerate(rows)
-                if (e.cause, _place(e)) == (own.cause, _place(own))
+                if (e.cause, place_of(e)) == (own.cause, place_of(own))
             ),
             None,
         )
@@ -245,32 +249,9 @@ def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
     return again
 
 
-def _is_unrun(top: Weighed, tried: Sequence[Tried]) -> bool:
-    """Tell whether the twin was never run with an effect of the machine that would be accepted."""
-    if top.probability < ACCEPT or not of_machine(top.proposal):
-        return False
-    return not any(t.proposal is top.proposal for t in tried)
-
-
 def _is_gone(proposal: Proposal) -> bool:
     """Tell whether nothing is left of an effect once a later one was fitted beside it."""
     return size_in_tolerances(proposal) < EFFECT_TOLERANCES
-
-
-def _is_known_fault(proposal: Proposal, known: Sequence[Proposal]) -> bool:
-    """Tell whether a fault of the measurement is known already: what it leaves is its own law's error."""
-    return not of_machine(proposal) and any(same_place(proposal, other) for other in known)
-
-
-def _is_hopeless(proposal: Proposal, proposals: Sequence[Proposal]) -> bool:
-    """Tell whether one gauge's fault explains more than fitting can make of a proposal."""
-    best = max((p.gain for p in _one_gauge(proposals)), default=0.0)
-    return HOPE * proposal.gain < best and proposal.nuisance is None
-
-
-def _one_gauge(proposals: Sequence[Proposal]) -> list[Proposal]:
-    """Return the faults of one gauge that are effects."""
-    return [p for p in proposals if p.cause in ONE_GAUGE and evidence_of(p, p.gain) > 0.0]
 
 
 def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
@@ -285,50 +266,6 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     stage = place.stage.lean(place.model)
     search = Search(view, place.fitted, stage, place.model, jobs, is_left)
     return search_all(search, FAMILIES, COSTLY)
-
-
-def choose(proposals: Sequence[Proposal]) -> list[Proposal]:
-    """Return the proposals that are worth a simulation, best first."""
-    machine = [p for p in proposals if of_machine(p)]
-    if not machine:
-        return []
-    least = max(LEAST_GAIN, WORTH * machine[0].gain)
-    chosen: list[Proposal] = []
-    for proposal in machine:
-        if len(chosen) == CONTENDERS or (proposal.gain < least and not proposal.nuisance):
-            continue
-        if proposal.nuisance and size_in_tolerances(proposal) < 2.0:
-            continue
-        if sum(p.cause == proposal.cause for p in chosen) < OF_ONE_CAUSE:
-            chosen.append(proposal)
-    return chosen
-
-
-def _candidates(
-    proposals: Sequence[Proposal], tried: Sequence[Tried]
-) -> list[tuple[Proposal, float]]:
-    """Return what is weighed: simulated gains, and linear ones of what was not simulated."""
-    done = {(r.proposal.cause, _place(r.proposal)) for r in tried}
-    rows: list[tuple[Proposal, float]] = []
-    for row in tried:
-        # one cause at one place, fitted from two starts, is one candidate: the better fit
-        if not any(same_place(row.proposal, kept) for kept, _ in rows):
-            rows.append((row.proposal, row.gain))
-    cap = max((r.gain for r in tried), default=0.0)
-    for proposal in proposals:
-        if (proposal.cause, _place(proposal)) in done:
-            continue
-        if of_machine(proposal):
-            # not simulated: nothing that was proposed as less is believed to be more
-            if evidence_of(proposal, proposal.gain) > 0.0 and proposal.gain < cap:
-                rows.append((proposal, proposal.gain))
-        else:
-            rows.append((proposal, proposal.gain))
-    return rows
-
-
-def _place(proposal: Proposal) -> str:
-    return ', '.join(f'{k}={v}' for k, v in sorted(proposal.location.items()) if k != 's_m')
 
 
 def as_it_is(place: Beside, _: Sequence[Proposal]) -> Beside:
