@@ -4,16 +4,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.spatial.transform import Rotation
 
 from escalator_twin.diagnosis.observation import Observation, slope_along
-from escalator_twin.diagnosis.responses import Responses
+from escalator_twin.diagnosis.responses import Responses, WANDER
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
 
 COURSE_M = 0.01  # of travel: what the first alignment may have left, one standard deviation
 COURSE_KNOT_S = 8.0
+WANDER_KNOT_S = 10.0  # a third of the shortest period that a good drive's wander has
+MOST_WANDER = (
+    0.005  # of the speed, twice a good drive's and more: beyond, the travel is not yet aligned
+)
 SHIFT_M = 0.05  # of travel as a whole
 CLOCK_S = 2e-3  # of the reference's clock by bag time
 CLOCK_RATE = 5e-6
@@ -61,7 +65,28 @@ def make_nuisance(
     wrapped = observation.index % observation.frame.n_loop
     order = _positions(observation, machine)
     knobs = {name: found[wrapped][:, order] for name, found in responses.knobs.items()}
+    if WANDER in knobs:
+        knobs[WANDER] = knobs[WANDER] * wander(observation)[:, None]
     return nuisance_of(observation, model, {**knobs, **(own or {})}, machine)
+
+
+def wander(observation: Observation) -> np.ndarray:
+    """Return by which share of it the machine was faster than its mean speed, slowly, (n,) float32.
+
+    The twin runs at an even speed, and a recording is laid beside it by travel. But how strongly the chain
+    rings with the polygon's forces is a matter of how fast these follow each other: near a resonance a
+    thousandth of the speed shows.
+    """
+    seconds = observation.travel_m / observation.frame.speed_m_s
+    late = observation.time_s.mean(axis=1) - seconds
+    span = seconds[-1] - seconds[0]
+    inner = np.linspace(seconds[0], seconds[-1], max(2, round(span / WANDER_KNOT_S) + 1))
+    knots = np.concatenate([[seconds[0]] * 3, inner, [seconds[-1]] * 3])
+    faster = -make_lsq_spline(seconds, late, knots, 3).derivative()(seconds)
+    found: np.ndarray = np.clip(faster - faster.mean(), -MOST_WANDER, MOST_WANDER).astype(
+        np.float32
+    )
+    return found
 
 
 def nuisance_of(

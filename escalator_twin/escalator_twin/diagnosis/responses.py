@@ -29,6 +29,8 @@ Ran = TypeVar('Ran')  # what a simulation is for
 Progress = Callable[[float, float], None]
 
 RAIL = 'rail/'  # before the number of a direction of `rail_columns`, beside the tolerances' names
+WANDER = 'wander'  # among the tolerances: what a share of the drive's speed does
+WANDER_STEP = 0.004  # of the speed: twice the largest wander of a good drive
 KNOB_STEP = 2.0  # standard deviations: far above what rattling rollers make of any change
 STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
 # Sizes at which a cause's response is taken: the reference of contracts.md, or half of it where
@@ -92,7 +94,8 @@ class Responses:
     base : Loop
         The machine of the data sheet, all places.
     knobs : mapping of name to (n_loop, c) float32
-        Change of the machine's channels by one standard deviation of a tolerance.
+        Change of the machine's channels by one standard deviation of a tolerance; under ``WANDER`` by
+        one of the drive's speed, as a share of it.
     whole : mapping of cause to (n_loop, 1 + 5 n) float32
         Change per unit of size of causes without an index.
     places : mapping of cause to (n_loop, 1 + 5 n) float32
@@ -255,7 +258,7 @@ def find_knobs(
     with_rails: bool = True,
     origin: Origin = None,
 ) -> dict[str, Columns]:
-    """Simulate one loop for every tolerance of a machine with its deviations, and for its rail.
+    """Simulate one loop for every tolerance of a machine with its deviations, for its rail and its speed.
 
     A deviation that moves a resonance changes what the tolerances do. ``step``, in standard
     deviations, is the tolerances' difference; ``origin`` is that of travel, see `simulate_loop`.
@@ -276,9 +279,22 @@ def find_knobs(
 
         return work
 
+    def at(share: float) -> Callable[[], Columns]:
+        def work() -> Columns:
+            faster = replace(frame, speed_m_s=speed_m_s * (1.0 + share))
+            setting = replace(experiment, set_speed_m_s=faster.speed_m_s)
+            return simulate_loop(machine, setting, faster, seen, (), base.rack_m).columns
+
+        return work
+
     knobs = [knob for knob in knobs_of(machine, experiment) if knob.name not in left_out]
-    found = _run({knob.name: task(knob) for knob in knobs}, jobs, None)
+    tasks: dict[object, Callable[[], Columns]] = {knob.name: task(knob) for knob in knobs}
+    tasks |= {f'{WANDER}/{way}': at(way * WANDER_STEP) for way in (-1, 1)}
+    found = _run(tasks, jobs, None)
     columns = {knob.name: found[knob.name] for knob in knobs}
+    hurried = (found[f'{WANDER}/1'] - found[f'{WANDER}/-1']) / np.float32(2.0 * WANDER_STEP)
+    hurried[:, shaken] = 0.0
+    columns[WANDER] = hurried
     if not with_rails:
         return columns
     rails = rail_columns(machine, experiment, frame, jobs, base.rack_m)
