@@ -183,3 +183,37 @@ def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypat
     assert proposal.parameters['frequency_hz'] == 6.8
     assert turned == ({} if is_afar else None)  # no tolerance turned, or as they were tuned
     assert [t.proposal for t in found] == [proposal]
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(('gain', 'is_found'), [(300.0, True), (20.0, False)])
+def test_a_frame_that_shows_beside_tuned_tolerances_alone_is_fitted_there(
+    monkeypatch, gain, is_found
+):
+    """A weak one is nothing beside a machine as described: what tolerances do there is far more."""
+    bare = SimpleNamespace(
+        observation=SimpleNamespace(frame=SimpleNamespace(pitch_m=0.4, speed_m_s=0.5))
+    )
+    place = SimpleNamespace(
+        stage=SimpleNamespace(judged=lambda *_: 9e3, lean=lambda _: bare), model=None, fitted=None
+    )
+    other = Tried(ROLLING, 25.0, {}, Polished(None, place, (), ()))
+    monkeypatch.setattr(trial, 'tried_from_afar', lambda *_: [other])
+    monkeypatch.setattr(trial, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain, sd={}
+    ))  # fmt: skip
+    monkeypatch.setitem(
+        trial.SCANS, 'truss_resonance',
+        lambda *given: replace(given[3], parameters={'frequency_hz': 5.7}),
+    )  # fmt: skip
+    monkeypatch.setattr(trial, 'fitted_beside', lambda *given, **_: Tried(
+        given[3].proposal, given[3].gain, {}, Polished(None, place, (), ())
+    ))  # fmt: skip
+    monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
+    monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
+    monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
+    found = trial.try_all(
+        Held(None), place, [], [replace(FRAME, gain=gain)], 1, Afar(None, place, [])
+    )
+    assert (found[0].proposal.cause == 'truss_resonance') is is_found
+    assert (found[0].proposal.parameters == {'frequency_hz': 5.7}) is is_found

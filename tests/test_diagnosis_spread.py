@@ -1,5 +1,6 @@
 """Intervals: how far a size may be off to either side."""
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
@@ -127,6 +128,8 @@ class Lines:
 
     PITCH_HZ = 0.57
 
+    knobs = ()
+
     def __init__(self, explained):
         self.explained = explained
 
@@ -171,6 +174,65 @@ def test_a_frames_frequency_may_be_any_that_explains_nearly_as_much(monkeypatch,
         edge = 2.2 * lines.PITCH_HZ
         assert low == pytest.approx(7.0 - edge, abs=0.2)
         assert high == pytest.approx(7.0 + edge, abs=0.2)
+
+
+@pytest.mark.parametrize('rattle', [0.0, 150.0, 1e6])
+def test_where_rollers_rattle_a_frames_frequency_is_less_sure(monkeypatch, rattle):
+    """Explained are 1000: 150 are open at least, twice what rattling moves, 500 at most."""
+    own = Proposal(
+        'truss_resonance', {},
+        {'frequency_hz': 7.0, 'damping_ratio': 0.02, 'modal_mass_kg': 4500.0}, 9.0,
+    )  # fmt: skip
+    monkeypatch.setattr(frames, 'score_each', along)
+    monkeypatch.setattr(frames, 'rattling', lambda *_: rattle)
+    still = Lines(1000.0)
+    low, high = frames.possible_frequencies(still, np.array([1.0, 0.0]), own)
+    open_to = min(max(150.0, 2.0 * rattle), 500.0)
+    # of the last line that may be: its angle's sine squared is what is open
+    edge = (2.0 + 0.5 * np.arcsin(np.sqrt(open_to / 1000.0))) * still.PITCH_HZ
+    assert low == pytest.approx(7.0 - edge, abs=0.2)
+    assert high == pytest.approx(7.0 + edge, abs=0.2)
+
+
+@dataclass(frozen=True)
+class Rattling:
+    """A comparison that any turn of one tolerance moves by 40, of another by nothing."""
+
+    turned: dict = field(default_factory=lambda: {'landing': 1.0})
+    knobs: tuple = (SimpleNamespace(name='landing'), SimpleNamespace(name='mass'))
+
+    def run(self, _deviations):
+        return self.turned
+
+    def fit_shifted(self, model, _before):
+        return model
+
+    def judged(self, turned, _cause):
+        return 9000.0 - 40.0 * (turned['landing'] != 1.0)
+
+
+def test_rattling_is_what_chi_squared_changes_by_for_next_to_nothing():
+    own = Proposal('truss_resonance', {}, {'frequency_hz': 7.0}, 9.0)
+    assert frames.rattling(Rattling(), {'landing': 1.0}, own) == pytest.approx(20.0)
+
+
+def test_a_frame_of_another_damping_may_have_another_frequency(monkeypatch):
+    """The frame hidden is damped as usual; the one fitted beside another line more."""
+
+    class Damped(Lines):
+        def run(self, deviations=()):
+            model = super().run(deviations)
+            if deviations and deviations[0].parameters['frequency_hz'] > 7.2:
+                model = model * (1.0 if deviations[0].parameters['damping_ratio'] < 0.03 else -1.0)
+            return model
+
+    monkeypatch.setattr(frames, 'score_each', along)
+    own = Proposal(
+        'truss_resonance', {},
+        {'frequency_hz': 7.0, 'damping_ratio': 0.05, 'modal_mass_kg': 4500.0}, 9.0,
+    )  # fmt: skip
+    _, high = frames.possible_frequencies(Damped(4000.0), np.array([1.0, 0.0]), own)
+    assert high > 7.3
 
 
 def test_a_frames_interval_holds_the_frequencies_that_it_may_have(monkeypatch):

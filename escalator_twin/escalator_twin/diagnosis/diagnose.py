@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-import numpy as np
-
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.comparison.judge import judge
 from escalator_twin.diagnosis.bodies.context import prepare as prepare_bodies
@@ -26,7 +24,7 @@ from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
-from escalator_twin.diagnosis.unexplained import LEAST_EXPLAINED, look, Unexplained
+from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
 from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
 from escalator_twin.errors import NotYetError
@@ -216,7 +214,7 @@ def settle(
         explained = max(explained, held.whole_low)
     if rest.significant and explained < 1.0:
         # what stays open speaks against the names, the more of it the more
-        factor *= float(np.clip(explained / LEAST_EXPLAINED - 1.0, 0.0, 1.0)) ** 0.5
+        factor *= belief_beside(explained)
     if held.channels is not None and (held.worse or not held.significant):
         factor *= REFUSED
     if held.channels is None:

@@ -27,8 +27,11 @@ RUN = 6  # of the frequencies that explain most
 SPACING = {'frequency_hz': 1.02, 'modal_mass_kg': 1.25, 'damping_ratio': 1.5}
 PARTS = (1.0, 0.6, 0.3)
 # Of chi squared, and of what a frame explains: another frequency that leaves no more than either above the best may
-# be the frame's. Rattling rollers alone move two neighbours' chi squared by the first.
-NEARLY, NEARLY_SHARE = 50.0, 0.15
+# be the frame's. Rattling rollers alone move two neighbours' chi squared by the first, or by more where they
+# rattle more: twice as much as chi squared changes by where tolerances are turned by next to nothing, up to half of
+# what the frame explains.
+NEARLY, NEARLY_SHARE, MOST_NEARLY = 50.0, 0.15, 0.5
+NEXT_TO_NOTHING = 0.05  # standard deviations
 
 
 def best_frame(
@@ -74,7 +77,8 @@ def possible_frequencies(
     """Return the lowest and the highest frequency with which a frame explains nearly as much, Hz.
 
     Chi squared about the best says how well that line's strength is known, and nothing of the hollows beyond the next
-    multiple of the pitch's frequency.
+    multiple of the pitch's frequency. Of a frame that is far off a line, damping is not known: with the usual one another
+    frequency may do as well.
 
     Parameters
     ----------
@@ -91,10 +95,18 @@ def possible_frequencies(
     rigid = stage.run()
     fitted = stage.fit_shifted(rigid, before)
     level = stage.judged(before, cause)
-    most = max(NEARLY, NEARLY_SHARE * (stage.judged(fitted, cause) - level))
+    explained = stage.judged(fitted, cause) - level
+    scatter = min(2.0 * rattling(stage, before, proposal, jobs), MOST_NEARLY * explained)
+    most = max(NEARLY, NEARLY_SHARE * explained, scatter)
+
+    usual = KNOWN[cause].references[0]['damping_ratio']
+    dampings = (proposal.parameters['damping_ratio'], usual)
 
     def is_possible(frequency: float) -> bool:
-        numbers = {**proposal.parameters, 'frequency_hz': frequency}
+        return any(is_possible_with(frequency, damping) for damping in dampings)
+
+    def is_possible_with(frequency: float, damping: float) -> bool:
+        numbers = {**proposal.parameters, 'frequency_hz': frequency, 'damping_ratio': damping}
         for _ in range(2):  # a frame's mass is known beside its own frequency alone
             one = replace(proposal, parameters=numbers)
             try:
@@ -117,3 +129,24 @@ def possible_frequencies(
         able = list(pool.map(is_possible, others))
     near = [own, *(f for f, can in zip(others, able, strict=True) if can)]
     return min(near), max(near)
+
+
+def rattling(stage: Stage, before: Fitted, proposal: Proposal, jobs: int = 1) -> float:
+    """Return by how much chi squared changes where a tolerance is turned by next to nothing.
+
+    Slow and empty, rollers rattle in their clearance, and a landing 0.05 mm longer makes other blows of a step.
+    The mean over all tolerances, either way. Parameters are those of `possible_frequencies`.
+    """
+    level = stage.judged(before, proposal.cause)
+
+    def change(way: tuple[str, float]) -> float:
+        name, by = way
+        turned = {**stage.turned, name: stage.turned.get(name, 0.0) + by}
+        nearly = replace(stage, turned=turned)
+        model = nearly.run((proposal.deviation,))
+        return nearly.judged(nearly.fit_shifted(model, before), proposal.cause) - level
+
+    ways = [(knob.name, z) for knob in stage.knobs for z in (-NEXT_TO_NOTHING, NEXT_TO_NOTHING)]
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        changes = np.array(list(pool.map(change, ways)))
+    return float(np.mean(np.abs(changes))) if len(changes) else 0.0

@@ -73,6 +73,7 @@ def try_all(
     base, fitted = place.model, place.fitted
     stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
+    moving: list[Proposal] = []
     if afar is not None:
         # beside tolerances that were tuned to them they look like others
         moving = [p for p in single if p.cause in SCANS and p.cause in MOVES_RESONANCE][:1]
@@ -105,6 +106,10 @@ def try_all(
             fitted_again += tried_from_afar(
                 context, afar, place, known, fitted_again, moving, jobs, worth
             )
+            best = max((t.gain for t in fitted_again), default=0.0)
+            # what is small beside the tolerances shows beside the tuned ones alone
+            unseen = [p for p in moving if CLOSE * p.gain > best]
+            fitted_again += [_fitted_here(context, place, known, p, jobs, worth) for p in unseen]
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
     tried = shared(place, locked(context, place, fitted_again + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
@@ -167,6 +172,25 @@ def _fitted_all(
         return list(
             pool.map(lambda r: fitted_beside(context, place, known, r, turned, jobs), leading)
         )
+
+
+def _fitted_here(
+    context: Context,
+    place: Beside,
+    known: Sequence[Proposal],
+    proposal: Proposal,
+    jobs: int,
+    worth: Worth | None,
+) -> Tried:
+    """Look for a proposal's frequency beside the tolerances as they were tuned, and fit it from there."""
+    stage = place.stage.lean(place.model)
+    found = SCANS[proposal.cause](stage, place.model, place.fitted, proposal, jobs)
+    refined = refine(stage, place.model, place.fitted, found, FIRST_STEPS)
+    if refined is None:
+        return Tried(found, 0.0, {})
+    if worth is not None and not worth(refined.proposal, refined.gain):
+        return plain(refined)
+    return fitted_beside(context, place, known, refined, jobs=jobs)
 
 
 def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) -> Tried:

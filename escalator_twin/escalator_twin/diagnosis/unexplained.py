@@ -18,9 +18,11 @@ from escalator_twin.signals import Floats
 SIGMAS = 3.0  # of a normal number: one channel in a thousand, eight channels: 1 % of recordings
 OPEN_SIGMAS = 2.0  # from which the search for a further effect is worth its time
 PEAKS = 3
-# Of what is above a good machine's: beside effects that account for less nothing is named, and from twice of
-# it on names are told as they are. A sure name is one no more where half is open.
+# Of what is above a good machine's: beside effects that account for less nothing is named.
 LEAST_EXPLAINED = 0.4
+# Of the same: beside effects that account for less than the first a name has no belief left, and from the second on it is
+# told as it is. A sure name is one no more where 35 % is open: a bent axle, on no list, seems a soft link that leaves 37 %.
+NO_BELIEF, FULL_BELIEF = 0.5, 0.8
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
 STAND_FOR = frozenset(knob for knob, _ in LIKE_KNOBS.values())
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
@@ -56,6 +58,11 @@ class Unexplained:
     def beside(self, cause: str) -> float:
         """Return the chi squared above a good machine's, in the channels that speak for a cause."""
         return self.above + (self.above_shaken if cause in SHAKING else 0.0)
+
+
+def belief_beside(explained: float) -> float:
+    """Return what is left of a name's probability beside the share of what is above a good machine's that names explain."""
+    return min(max((explained - NO_BELIEF) / (FULL_BELIEF - NO_BELIEF), 0.0), 1.0)
 
 
 def by_channel(place: Beside) -> Floats:
