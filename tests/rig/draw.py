@@ -18,8 +18,7 @@ SURVEYED_WAVE_M = 0.125  # m; the reference rig's rail has no shorter waves (doc
 SHORTEST_WAVE_M = 0.05  # m
 SHORT_SHARE = 0.1  # -, of the spectrum's continuation, in waves between these two lengths
 WANDER = 0.002  # -, data sheet, largest slow wander of the speed
-WANDER_PERIODS_S = (32.0, 120.0)  # s
-MOST_WANDER_WAVES = 3
+WANDER_PERIOD_S = 32.0  # s, the shortest
 WANDER_STEP_S = 0.1  # s, between the wander's table entries
 LARGEST_SPEED_ERROR = 0.07  # -, data sheet
 
@@ -163,12 +162,26 @@ def lay_rails(model: Model, rng: np.random.Generator | None) -> Model:
     )
 
 
-def draw_wander(rng: np.random.Generator, duration_s: float) -> FloatArray:
+@dataclass(frozen=True)
+class Wander:
+    """Of how many waves a drive's slow wander is drawn, and of which periods; as other makers' by default."""
+
+    least_waves: int = 1
+    most_waves: int = 3
+    longest_s: float = 120.0
+
+
+def draw_wander(
+    rng: np.random.Generator, duration_s: float, kind: Wander | None = None
+) -> FloatArray:
     """Draw the slow wander: relative speed, ``WANDER_STEP_S`` apart, mean zero in sum."""
-    n_waves = int(rng.integers(1, MOST_WANDER_WAVES + 1))
-    share = rng.dirichlet(np.ones(n_waves)) * WANDER * rng.uniform(0.3, 1.0)
-    period = rng.uniform(*WANDER_PERIODS_S, n_waves)
-    phase = rng.uniform(0.0, 2.0 * np.pi, n_waves)
+    kind = kind or Wander()
+    count = kind.most_waves
+    if kind.least_waves < count:
+        count = int(rng.integers(kind.least_waves, count + 1))
+    share = rng.dirichlet(np.ones(count)) * WANDER * rng.uniform(0.3, 1.0)
+    period = rng.uniform(WANDER_PERIOD_S, kind.longest_s, count)
+    phase = rng.uniform(0.0, 2.0 * np.pi, count)
     time_s = np.arange(int(duration_s / WANDER_STEP_S) + 2) * WANDER_STEP_S
     waves = share[:, None] * np.sin(2.0 * np.pi * time_s / period[:, None] + phase[:, None])
     return waves.sum(axis=0)

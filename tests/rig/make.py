@@ -19,6 +19,7 @@ from rig.draw import (
     draw_wander,
     lay_rails,
     Tolerances,
+    Wander,
     WANDER_STEP_S,
 )
 from rig.faults import FAULTS
@@ -58,6 +59,7 @@ class Order:
     is_nominal: bool = False  # no draw of tolerances, the likeliest rails
     machine_seed: int | None = None  # several recordings of one machine share it
     start_s_m: float | None = None
+    wander: Wander | None = None  # as other makers' unless given
 
 
 def streams(order: Order) -> dict[str, np.random.Generator]:
@@ -102,7 +104,7 @@ def make(order: Order) -> Made:
     start = rng['run'].uniform(0.0, 24.4)
     start = start if order.start_s_m is None else order.start_s_m
     model = build(sheet, order.case, speed, drawn)._replace(
-        wander=draw_wander(rng['run'], order.duration_s), wander_step=WANDER_STEP_S
+        wander=draw_wander(rng['run'], order.duration_s, order.wander), wander_step=WANDER_STEP_S
     )
     model = lay_rails(model, None if order.is_nominal else rng['rail'])
     order = resolve(order, model, start)
