@@ -17,7 +17,7 @@ from escalator_twin.diagnosis.fitting import (
 )
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import freed
-from escalator_twin.diagnosis.from_afar import FIRST_STEPS, SCANS, tried_from_afar, Worth
+from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, tried_from_afar, Worth
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import polish_kicked, polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -81,9 +81,9 @@ def try_all(
     waves_of = pairs(contenders, stage.observation.frame)
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         for cause, scan in SCANS.items():
-            scanned = [p for p in single if p.cause == cause]
+            own = [p for p in single if p.cause == cause]
             single = [p for p in single if p.cause != cause]
-            single += [scan(stage, base, fitted, p, jobs) for p in scanned[:1]]
+            single += [scan(stage, base, fitted, p, jobs) for p in own[:1]]
         first = [
             r
             for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
@@ -184,7 +184,7 @@ def _fitted_here(
 ) -> Tried:
     """Look for a proposal's frequency beside the tolerances as they were tuned, and fit it from there."""
     stage = place.stage.lean(place.model)
-    found = SCANS[proposal.cause](stage, place.model, place.fitted, proposal, jobs)
+    found = scanned(place, proposal, jobs)
     refined = refine(stage, place.model, place.fitted, found, FIRST_STEPS)
     if refined is None:
         return Tried(found, 0.0, {})
