@@ -189,6 +189,28 @@ def test_recordings_of_one_diagnosis_are_told_one_by_one(tmp_path):
 
 
 @pytest.mark.issue(7)
+def test_in_how_many_recordings_a_cause_shows_is_one_sentence(tmp_path):
+    told = joint_diagnosis()
+    told['effects'][0] |= {'recordings': 15, 'of': 16}
+    told['seconds'] = 394.6
+    html, page = make(tmp_path, told)
+    assert '15 of 16 recordings show it.' in page.text
+    assert 'took 395 s' in page.text
+    assert not re.search(r'<h4>(Recordings|Of|Seconds)</h4>', html)
+
+
+@pytest.mark.parametrize('is_unexplained', [False, True])
+def test_the_summary_calls_good_only_what_leaves_nothing_open(tmp_path, is_unexplained):
+    told = diagnosis()
+    told['effects'] = []
+    told['unexplained']['significant'] = is_unexplained
+    html, _ = make(tmp_path, told)
+    words = Reader(html.split('<dl class="tiles">')[1].split('</dl>')[0]).text
+    assert ('within tolerance' in words) == (not is_unexplained)
+    assert ('something stays unexplained' in words) == is_unexplained
+
+
+@pytest.mark.issue(7)
 @pytest.mark.parametrize('notes', ['', 'synthetic, from a generator'])
 def test_where_the_data_come_from_is_said_or_left_to_their_maker(tmp_path, notes):
     _, page = make(tmp_path, diagnosis(recording(notes=notes)))

@@ -4,6 +4,8 @@ from escalator_twin.report.charts import whisker
 from escalator_twin.report.documents import Json, number, Page, rows, table, text
 from escalator_twin.report.section import Context, Section
 
+TOLD = ('cause', 'location', 'probability', 'alternatives', 'parameters', 'recordings', 'of')
+
 
 def context(page: Page) -> Context | None:
     """Return each diagnosis with its accepted causes, strongest first."""
@@ -34,11 +36,8 @@ def _effect(effect: Json) -> Context:
             (name, table(value) or {'value': value}, whisker(name, table(value)))
             for name, value in parameters.items()
         ],
-        'more': {
-            key: value
-            for key, value in effect.items()
-            if key not in ('cause', 'location', 'probability', 'alternatives', 'parameters')
-        },
+        'shown_by': (number(effect.get('recordings')), number(effect.get('of'))),
+        'more': {key: value for key, value in effect.items() if key not in TOLD},
     }
 
 

@@ -27,6 +27,10 @@ def context(page: Page) -> Context:
             for entry in page.diagnoses
             for effect in rows(entry.data.get('effects'))
         ],
+        'is_unexplained': any(
+            table(entry.data.get('unexplained')).get('significant') is True
+            for entry in page.diagnoses
+        ),
     }
 
 

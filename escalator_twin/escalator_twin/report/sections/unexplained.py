@@ -13,6 +13,7 @@ TOLD_ELSEWHERE = (
     'machine',
     'recordings',
     'schema',
+    'seconds',
     'unexplained',
     'would_change',
 )
