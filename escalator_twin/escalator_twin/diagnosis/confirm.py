@@ -25,9 +25,11 @@ from escalator_twin.diagnosis.fitting import MOVES_RESONANCE, with_rest
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
-from escalator_twin.diagnosis.polish import increments
+from escalator_twin.diagnosis.joint import JointFit, judged
+from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.polish import increments, SETTLED
 from escalator_twin.diagnosis.preparation import prepare_tolerances
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
@@ -46,6 +48,8 @@ from escalator_twin.threads import one_thread_each
 
 QUARTER = 0.5 * pi
 TREADS = ('roller_eccentricity', 'roller_flat')
+OWN = ('phase_rad', 'slip')  # of a tread, in every recording another
+MOST_STEPS = 4  # of fitting these: time
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,8 @@ def confirm_recording(
         context, after = tuned(context, deviations, turned=turned, held=stood_for)
     else:
         context, after = plain_context, before
+    after, own = settled(context, after, own)
+    here = _in_place(here, own)
     bare = after
     after = freed(after, others)
     held = hold_out(context, after, here, seed, before.stage.turned, sizes_known=True)
@@ -148,6 +154,54 @@ def confirm_recording(
         {'before': split(context, before), 'after': split(context, after)},
         rolled(after, [told[k] for k in range(len(here))]),
     )
+
+
+def settled(
+    context: Context, place: Beside, effects: Sequence[Proposal]
+) -> tuple[Beside, list[Proposal]]:
+    """Fit what of treads is each recording's own, and what only shows beside them; sizes stay.
+
+    How a roller stood was read beside the machine as described, and how far the sides' stiffness against
+    each other is off shows only beside what acts on one of them.
+
+    Parameters
+    ----------
+    context : Context
+        With the tolerances as they act in the machine with the effects.
+    place : Beside
+        That machine.
+    effects : sequence of Proposal
+        Of the machine, all of them.
+    """
+    own = [
+        replace(e, fitted=OWN if e.cause in TREADS else ())
+        for e in effects
+        if e.cause in LOCAL and 'side' in e.location
+    ]
+    if not own:
+        return place, list(effects)
+    known = tuple(e.deviation for e in effects if not any(same_place(e, o) for o in own))
+    fit_one = JointFit(context, known, None)
+    place = fit_one.beside(own, place.stage.turned)
+    for _ in range(MOST_STEPS):
+        columns = fit_one.columns(place, own)
+        trial = fit_one.step(place, tuple(own), columns)
+        if trial is None:
+            break
+        gained = judged(place, own) - judged(trial[0], own)
+        place, own = trial[0], list(trial[1])
+        if gained < SETTLED:
+            break
+    return place, _in_place(effects, own)
+
+
+def _in_place(effects: Sequence[Proposal], known: Sequence[Proposal]) -> list[Proposal]:
+    """Return effects, those that are known at the same place with the numbers that they have there."""
+    found = []
+    for effect in effects:
+        same = next((k for k in known if same_place(k, effect)), effect)
+        found.append(replace(effect, parameters=same.parameters))
+    return found
 
 
 def _wave(place: Beside, effect: Proposal) -> Refined:

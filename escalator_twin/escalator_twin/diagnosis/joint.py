@@ -106,6 +106,8 @@ class JointFit:
         """Return the whitened change by every number of every effect, and by ``sided``, (m, p)."""
         found = []
         for k, effect in enumerate(effects):
+            if not effect.fitted:
+                continue
             others = [e.deviation for j, e in enumerate(effects) if j != k]
             bare = replace(place.stage, machine=self.context.machine)
             bare = bare.extended((*self.known, *others))
