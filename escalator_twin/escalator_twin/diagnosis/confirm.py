@@ -49,7 +49,7 @@ from escalator_twin.threads import one_thread_each
 QUARTER = 0.5 * pi
 TREADS = ('roller_eccentricity', 'roller_flat')
 OWN = ('phase_rad', 'slip')  # of a tread, in every recording another
-MOST_STEPS = 4  # of fitting these: time
+MOST_STEPS = 2  # of fitting these: time; most of what more steps gain is gained
 
 
 @dataclass(frozen=True)
