@@ -86,7 +86,7 @@ def test_sizes_are_kept_and_only_what_acts_on_one_side_is_settled(monkeypatch, e
     found, kept = confirm.settled(None, place, effects)
     assert kept == effects
     if DRAG in effects:
-        assert asked == [(LINK.deviation,), [replace(DRAG, fitted=())]]
+        assert asked == [(), [replace(DRAG, fitted=()), replace(LINK, fitted=())]]
         assert found == 'aligned'
     else:
         assert asked == []

@@ -29,7 +29,7 @@ from escalator_twin.diagnosis.joint import JointFit, judged
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import increments, SETTLED
 from escalator_twin.diagnosis.preparation import prepare_tolerances
-from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
@@ -128,7 +128,8 @@ def confirm_recording(
     else:
         context, after = plain_context, before
     after, own = settled(context, after, own)
-    here = _in_place(here, own)
+    again = iter(own)
+    here = [next(again) if of_machine(e) else e for e in here]
     bare = after
     after = freed(after, others)
     held = hold_out(context, after, here, seed, before.stage.turned, sizes_known=True)
@@ -173,35 +174,21 @@ def settled(
     effects : sequence of Proposal
         Of the machine, all of them.
     """
-    own = [
-        replace(e, fitted=OWN if e.cause in TREADS else ())
-        for e in effects
-        if e.cause in LOCAL and 'side' in e.location
-    ]
-    if not own:
+    if not any(e.cause in LOCAL and 'side' in e.location for e in effects):
         return place, list(effects)
-    known = tuple(e.deviation for e in effects if not any(same_place(e, o) for o in own))
-    fit_one = JointFit(context, known, None)
+    own = tuple(replace(e, fitted=OWN if e.cause in TREADS else ()) for e in effects)
+    fit_one = JointFit(context, (), None)
     place = fit_one.beside(own, place.stage.turned)
     for _ in range(MOST_STEPS):
-        columns = fit_one.columns(place, own)
-        trial = fit_one.step(place, tuple(own), columns)
+        trial = fit_one.step(place, own, fit_one.columns(place, own))
         if trial is None:
             break
         gained = judged(place, own) - judged(trial[0], own)
-        place, own = trial[0], list(trial[1])
+        place, own = trial
         if gained < SETTLED:
             break
-    return place, _in_place(effects, own)
-
-
-def _in_place(effects: Sequence[Proposal], known: Sequence[Proposal]) -> list[Proposal]:
-    """Return effects, those that are known at the same place with the numbers that they have there."""
-    found = []
-    for effect in effects:
-        same = next((k for k in known if same_place(k, effect)), effect)
-        found.append(replace(effect, parameters=same.parameters))
-    return found
+    rows = zip(effects, own, strict=True)
+    return place, [replace(e, parameters=fitted.parameters) for e, fitted in rows]
 
 
 def _wave(place: Beside, effect: Proposal) -> Refined:
