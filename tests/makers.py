@@ -223,3 +223,8 @@ def changed(recording: Recording, channel: str, **arrays: Any) -> Recording:
     old = recording.signals[channel]
     new = {'stamp_ns': old.stamp_ns, 'bag_ns': old.bag_ns, 'parts': old.parts, **arrays}
     return with_signal(recording, make_signal(channel, old.unit, **new))
+
+
+def kinds(recording: Recording) -> set[tuple[str, str]]:
+    """Return what was found in a recording, beside topics that it lacks: kind and channel."""
+    return {(f.kind, f.channel) for f in recording.findings if f.kind != 'missing_topic'}

@@ -1,6 +1,7 @@
 """Bags with values that are none, topics that are not there, experiments that cannot be."""
 
 from makers import (
+    kinds,
     message,
     prototype,
     raw,
@@ -19,10 +20,6 @@ pytestmark = pytest.mark.issue(2)
 
 MACHINE = prototype()
 LEFT_A = 'link_force/left_a'
-
-
-def kinds(recording):
-    return {(f.kind, f.channel) for f in recording.findings if f.kind != 'missing_topic'}
 
 
 def test_samples_that_are_no_numbers_are_dropped(tmp_path):

@@ -1,6 +1,7 @@
 """The order and the clocks of the messages in a bag."""
 
 from makers import (
+    kinds,
     prototype,
     raw,
     stamp,
@@ -19,10 +20,6 @@ pytestmark = pytest.mark.issue(2)
 MACHINE = prototype()
 LEFT_A = 'link_force/left_a'
 EA = 7.56e7
-
-
-def kinds(recording):
-    return {(f.kind, f.channel) for f in recording.findings if f.kind != 'missing_topic'}
 
 
 def test_messages_out_of_order_are_sorted(tmp_path):

@@ -5,6 +5,7 @@ import sqlite3
 
 from makers import (
     DISPLACEMENT,
+    kinds,
     mcap_bytes,
     message,
     prototype,
@@ -29,10 +30,6 @@ pytestmark = pytest.mark.issue(2)
 MACHINE = prototype()
 LEFT_A = 'link_force/left_a'
 EA = 7.56e7
-
-
-def kinds(recording):
-    return {(f.kind, f.channel) for f in recording.findings if f.kind != 'missing_topic'}
 
 
 def test_values_are_in_si_and_the_mean_of_the_parts(tmp_path):
