@@ -91,3 +91,17 @@ def test_sizes_are_kept_and_only_what_acts_on_one_side_is_settled(monkeypatch, e
     else:
         assert asked == []
         assert found is place
+
+
+def test_two_waves_of_one_cause_keep_their_own_numbers(monkeypatch):
+    def wave(turns):
+        numbers = {'relative_amplitude': 0.02, 'cycles_per_pitch': turns, 'phase_rad': 0.1}
+        return Proposal('drive_ripple', {}, numbers, 1e3, fitted=('relative_amplitude',))
+
+    fit = SimpleNamespace(
+        beside=lambda *_: 'aligned', columns=lambda *_: None, step=lambda *_: None
+    )
+    monkeypatch.setattr(confirm, 'JointFit', lambda *_: fit)
+    place = SimpleNamespace(stage=SimpleNamespace(turned={}))
+    effects = [wave(0.37), DRAG, wave(1.4)]
+    assert confirm.settled(None, place, effects)[1] == effects
