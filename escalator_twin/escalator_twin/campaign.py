@@ -74,7 +74,7 @@ def diagnose_together(
     seed : int
         Of the bootstraps.
     jobs : int
-        Recordings at once.
+        Recordings at once, and simulations at a time in each that is searched.
     progress : callable, optional
         Gets (done, total).
 
@@ -102,8 +102,9 @@ def diagnose_together(
         scouts: list[Diagnosis] = []
         for some in (chosen[:FIRST], chosen[FIRST:]):
             suggested = shared_by(scouts) if scouts else []
+            # each with all jobs: one may end long before the other, and two are fewer than many cores
             search = partial(
-                diagnose_bag, machine_path=machine_path, seed=seed, suggested=suggested
+                diagnose_bag, machine_path=machine_path, seed=seed, jobs=jobs, suggested=suggested
             )
             for scout in pool.map(search, [paths[k] for k in some]):
                 scouts.append(scout)
