@@ -12,7 +12,7 @@ from rig.make import Effect, make, Order, write
 import trials
 
 from escalator_twin import bagfile
-from escalator_twin.diagnosis import confirm
+from escalator_twin.diagnosis import confirm, settling
 from escalator_twin.diagnosis.proposals import Proposal
 
 pytestmark = [pytest.mark.issue(7), pytest.mark.slow]
@@ -81,9 +81,9 @@ def test_sizes_are_kept_and_only_what_acts_on_one_side_is_settled(monkeypatch, e
         def step(self, *_):
             return None
 
-    monkeypatch.setattr(confirm, 'JointFit', Fit)
+    monkeypatch.setattr(settling, 'JointFit', Fit)
     place = SimpleNamespace(stage=SimpleNamespace(turned={}))
-    found, kept = confirm.settled(None, place, effects)
+    found, kept = settling.settled(None, place, effects)
     assert kept == effects
     if DRAG in effects:
         assert asked == [(), [replace(DRAG, fitted=()), replace(LINK, fitted=())]]
@@ -101,7 +101,47 @@ def test_two_waves_of_one_cause_keep_their_own_numbers(monkeypatch):
     fit = SimpleNamespace(
         beside=lambda *_: 'aligned', columns=lambda *_: None, step=lambda *_: None
     )
-    monkeypatch.setattr(confirm, 'JointFit', lambda *_: fit)
+    monkeypatch.setattr(settling, 'JointFit', lambda *_: fit)
     place = SimpleNamespace(stage=SimpleNamespace(turned={}))
     effects = [wave(0.37), DRAG, wave(1.4)]
-    assert confirm.settled(None, place, effects)[1] == effects
+    assert settling.settled(None, place, effects)[1] == effects
+
+
+def kicked(monkeypatch, levels, is_open=True):
+    """Run `led_whole` where each turn and fit comes to the next of some levels."""
+    left = iter(levels)
+
+    def place(level):
+        stage = SimpleNamespace(turned={}, judged=lambda *_: level)
+        return SimpleNamespace(stage=stage, fitted=None)
+
+    monkeypatch.setattr(settling, 'is_open', lambda *_: is_open)
+    monkeypatch.setattr(settling, 'far_turns', lambda *_: [{'a': 1.2}])
+    monkeypatch.setattr(settling, 'most_explaining', lambda *_: ({'a': 1.2}, next(left)))
+    fit = SimpleNamespace(beside=lambda *_: 'near')
+    monkeypatch.setattr(settling, 'JointFit', lambda *_: fit)
+    monkeypatch.setattr(
+        settling,
+        'polish_whole',
+        lambda p: SimpleNamespace(context=p.context, place=place(next(left)), effects=p.effects),
+    )
+    context = SimpleNamespace(floor=None, weak=frozenset())
+    start = place(1e4)
+    _, found, effects = settling.led_whole(context, start, [LINK])
+    assert effects == [LINK]
+    return found.stage.judged(), found is start
+
+
+@pytest.mark.parametrize(
+    ('levels', 'ends'),
+    [((9e3, 8e3, 7e3, 6e3, 6e3), 6e3), ((9e3, 1.1e4), 1e4), ((9999.0,), 1e4)],
+    ids=['two rounds', 'no better fitted', 'no turn'],
+)
+def test_what_is_left_open_is_led_on_with_the_effects_in_the_runs(monkeypatch, levels, ends):
+    level, stays = kicked(monkeypatch, levels)
+    assert level == ends
+    assert stays == (ends == 1e4)
+
+
+def test_nothing_is_turned_far_where_nothing_is_open(monkeypatch):
+    assert kicked(monkeypatch, (), is_open=False) == (1e4, True)

@@ -25,9 +25,7 @@ from escalator_twin.diagnosis.fitting import MOVES_RESONANCE, with_rest
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
-from escalator_twin.diagnosis.joint import JointFit, judged
-from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import increments, SETTLED
+from escalator_twin.diagnosis.polish import increments
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -35,6 +33,7 @@ from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
+from escalator_twin.diagnosis.settling import led_whole, settled, TREADS
 from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
@@ -47,9 +46,6 @@ from escalator_twin.signals import Recording
 from escalator_twin.threads import one_thread_each
 
 QUARTER = 0.5 * pi
-TREADS = ('roller_eccentricity', 'roller_flat')
-OWN = ('phase_rad', 'slip')  # of a tread, in every recording another
-MOST_STEPS = 2  # of fitting these: time; most of what more steps gain is gained
 
 
 @dataclass(frozen=True)
@@ -128,6 +124,7 @@ def confirm_recording(
     else:
         context, after = plain_context, before
     after, own = settled(context, after, own)
+    context, after, own = led_whole(context, after, own)
     again = iter(own)
     here = [next(again) if of_machine(e) else e for e in here]
     bare = after
@@ -155,40 +152,6 @@ def confirm_recording(
         {'before': split(context, before), 'after': split(context, after)},
         rolled(after, [told[k] for k in range(len(here))]),
     )
-
-
-def settled(
-    context: Context, place: Beside, effects: Sequence[Proposal]
-) -> tuple[Beside, list[Proposal]]:
-    """Fit what of treads is each recording's own, and what only shows beside them; sizes stay.
-
-    How a roller stood was read beside the machine as described, and how far the sides' stiffness against
-    each other is off shows only beside what acts on one of them.
-
-    Parameters
-    ----------
-    context : Context
-        With the tolerances as they act in the machine with the effects.
-    place : Beside
-        That machine.
-    effects : sequence of Proposal
-        Of the machine, all of them.
-    """
-    if not any(e.cause in LOCAL and 'side' in e.location for e in effects):
-        return place, list(effects)
-    own = tuple(replace(e, fitted=OWN if e.cause in TREADS else ()) for e in effects)
-    fit_one = JointFit(context, (), None)
-    place = fit_one.beside(own, place.stage.turned)
-    for _ in range(MOST_STEPS):
-        trial = fit_one.step(place, own, fit_one.columns(place, own))
-        if trial is None:
-            break
-        gained = judged(place, own) - judged(trial[0], own)
-        place, own = trial
-        if gained < SETTLED:
-            break
-    rows = zip(effects, own, strict=True)
-    return place, [replace(e, parameters=fitted.parameters) for e, fitted in rows]
 
 
 def _wave(place: Beside, effect: Proposal) -> Refined:

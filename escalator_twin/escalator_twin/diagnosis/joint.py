@@ -117,6 +117,8 @@ class JointFit:
             bare = replace(place.stage, machine=self.context.machine, turned=turned)
             change = bare.run(self.deviations(effects)) - place.model
             found.append(place.stage.columns(change[:, :, None], effects[0].cause))
+        if not found:
+            return np.empty((len(place.fitted.white), 0), np.float32)
         return np.concatenate(found, axis=1)
 
     def step(
