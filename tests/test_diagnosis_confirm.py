@@ -6,6 +6,7 @@ The recording is made by the generator (synthetic).
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
@@ -24,8 +25,7 @@ SEED = 251197
 
 
 @pytest.fixture(scope='module')
-def confirmed(tmp_path_factory):
-    machine = trials.prototype()
+def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp('confirm') / 'bag'
     effects = (
         Effect('chain_elongation', {'side': 'both'}, {'length_m': LONGER_M}),
@@ -35,6 +35,11 @@ def confirmed(tmp_path_factory):
     made = make(Order(SEED, Case(0.25, 1, 75.0, 3000.0), 110.0, effects))
     assert made.truth['tolerances']['racking_stiffness'] < SOFT
     write(made, path, None)
+    return bagfile.read(path, trials.prototype())
+
+
+@pytest.fixture(scope='module')
+def confirmed(recorded):
     named = [
         Proposal('chain_elongation', {'side': 'both'}, {'length_m': LONGER_M}, 1e4, fitted=('length_m',)),
         Proposal('link_elongation', {'link': 12}, {'length_m': LINK_M}, 1e4, fitted=('length_m',)),
@@ -43,7 +48,7 @@ def confirmed(tmp_path_factory):
             fitted=('amplitude_m', 'phase_rad', 'slip'),
         ),
     ]  # fmt: skip
-    return confirm.confirm_recording(bagfile.read(path, machine), machine, named)
+    return confirm.confirm_recording(recorded, trials.prototype(), named)
 
 
 def test_a_treads_size_is_the_others(confirmed):
@@ -63,85 +68,113 @@ DRAG = Proposal('roller_drag', PLACE, {'force_N': 120.0}, 1e3, fitted=('force_N'
 LINK = Proposal('link_elongation', {'link': 12}, {'length_m': LINK_M}, 1e4, fitted=('length_m',))
 
 
-@pytest.mark.parametrize('effects', [[DRAG, LINK], [LINK]], ids=['one side', 'both'])
+STOOD = Proposal(
+    'roller_flat',
+    PLACE,
+    {'depth_m': 1e-4, 'phase_rad': 0.1, 'slip': 0.0},
+    1e3,
+    fitted=('depth_m',),
+)
+
+
+def stand(level=0.0):
+    return SimpleNamespace(
+        stage=SimpleNamespace(turned={'a': 0.5}, judged=lambda *_: level), fitted=None
+    )
+
+
+@pytest.mark.parametrize('effects', [[DRAG, LINK, STOOD], [LINK]], ids=['one side', 'both'])
 def test_sizes_are_kept_and_only_what_acts_on_one_side_is_settled(monkeypatch, effects):
     asked = []
 
-    class Fit:
-        def __init__(self, _, known, *__):
-            asked.append(known)
+    def fit(context, own, turned, free, **options):
+        asked.append((own, turned, free, options))
+        return settling.Polished(context, 'fitted', own, ())
 
-        def beside(self, effects, *_):
-            asked.append(list(effects))
-            return 'aligned'
+    def free(place):
+        return ('freed', place)
 
-        def columns(self, *_):
-            return None
-
-        def step(self, *_):
-            return None
-
-    monkeypatch.setattr(settling, 'JointFit', Fit)
-    place = SimpleNamespace(stage=SimpleNamespace(turned={}))
-    found, kept = settling.settled(None, place, effects)
-    assert kept == effects
+    monkeypatch.setattr(settling, 'polish', fit)
+    place = stand()
+    found = settling.settled(None, place, effects, free)
+    fixed = [replace(e, fitted=()) for e in effects]
+    assert [replace(e, fitted=()) for e in found.effects] == fixed
     if DRAG in effects:
-        assert asked == [(), [replace(DRAG, fitted=()), replace(LINK, fitted=())]]
-        assert found == 'aligned'
+        (own, turned, freed, options) = asked[0]
+        assert own == (*fixed[:2], replace(STOOD, fitted=('phase_rad', 'slip')))
+        assert (turned, freed) == ({'a': 0.5}, free)
+        assert options == {'steps': settling.MOST_STEPS, 'is_near': True}
+        assert found.place == 'fitted'
     else:
         assert asked == []
-        assert found is place
+        assert found.place == ('freed', place)
 
 
-def test_two_waves_of_one_cause_keep_their_own_numbers(monkeypatch):
-    def wave(turns):
-        numbers = {'relative_amplitude': 0.02, 'cycles_per_pitch': turns, 'phase_rad': 0.1}
-        return Proposal('drive_ripple', {}, numbers, 1e3, fitted=('relative_amplitude',))
-
-    fit = SimpleNamespace(
-        beside=lambda *_: 'aligned', columns=lambda *_: None, step=lambda *_: None
-    )
-    monkeypatch.setattr(settling, 'JointFit', lambda *_: fit)
-    place = SimpleNamespace(stage=SimpleNamespace(turned={}))
-    effects = [wave(0.37), DRAG, wave(1.4)]
-    assert settling.settled(None, place, effects)[1] == effects
-
-
-def kicked(monkeypatch, levels, is_open=True):
-    """Run `led_whole` where each turn and fit comes to the next of some levels."""
-    left = iter(levels)
-
-    def place(level):
-        stage = SimpleNamespace(turned={}, judged=lambda *_: level)
-        return SimpleNamespace(stage=stage, fitted=None)
-
+def kicked(monkeypatch, turns, levels, is_open=True, free=None):
+    """Run `led_whole` where turns are found or not, and each fit comes to the next of some levels."""
+    ways, ends = iter(turns), iter(levels)
     monkeypatch.setattr(settling, 'is_open', lambda *_: is_open)
-    monkeypatch.setattr(settling, 'far_turns', lambda *_: [{'a': 1.2}])
-    monkeypatch.setattr(settling, 'most_explaining', lambda *_: ({'a': 1.2}, next(left)))
+    monkeypatch.setattr(settling, 'farther', lambda *_, **__: next(ways))
     fit = SimpleNamespace(beside=lambda *_: 'near')
-    monkeypatch.setattr(settling, 'JointFit', lambda *_: fit)
-    monkeypatch.setattr(
-        settling,
-        'polish_whole',
-        lambda p: SimpleNamespace(context=p.context, place=place(next(left)), effects=p.effects),
-    )
+    monkeypatch.setattr(settling, 'JointFit', lambda *asked: seen.append(asked[2]) or fit)
+    seen = []
+
+    def whole(found, freeing):
+        assert found.place == 'near'
+        seen.append(freeing)
+        return replace(found, place=stand(next(ends)))
+
+    monkeypatch.setattr(settling, 'polish_whole', whole)
     context = SimpleNamespace(floor=None, weak=frozenset())
-    start = place(1e4)
-    _, found, effects = settling.led_whole(context, start, [LINK])
-    assert effects == [LINK]
-    return found.stage.judged(), found is start
+    start = settling.Polished(context, stand(1e4), (LINK,), ())
+    found = settling.led_whole(start, free)
+    assert found.effects == (LINK,)
+    assert set(seen) <= {free}
+    return found.place.stage.judged(), found is start
+
+
+TURN = {'a': 1.2}
 
 
 @pytest.mark.parametrize(
-    ('levels', 'ends'),
-    [((9e3, 8e3, 7e3, 6e3, 6e3), 6e3), ((9e3, 1.1e4), 1e4), ((9999.0,), 1e4)],
-    ids=['two rounds', 'no better fitted', 'no turn'],
+    ('turns', 'levels', 'ends'),
+    [
+        ((TURN, TURN, TURN), (8e3, 7e3, 6e3), 6e3),
+        ((TURN, None), (8e3,), 8e3),
+        ((TURN, TURN), (8e3, 8e3), 8e3),
+        ((TURN,), (1.1e4,), 1e4),
+        ((None,), (), 1e4),
+    ],
+    ids=['all rounds', 'one round', 'no better again', 'no better', 'no turn'],
 )
-def test_what_is_left_open_is_led_on_with_the_effects_in_the_runs(monkeypatch, levels, ends):
-    level, stays = kicked(monkeypatch, levels)
+def test_what_is_left_open_is_led_on_with_the_effects_in_the_runs(
+    monkeypatch, turns, levels, ends
+):
+    level, stays = kicked(monkeypatch, turns, levels, free=lambda place: place)
     assert level == ends
     assert stays == (ends == 1e4)
 
 
 def test_nothing_is_turned_far_where_nothing_is_open(monkeypatch):
-    assert kicked(monkeypatch, (), is_open=False) == (1e4, True)
+    assert kicked(monkeypatch, (), (), is_open=False) == (1e4, True)
+
+
+def test_what_effects_of_the_measurement_stand_for_is_free_before_anything_is_led_on(
+    monkeypatch, recorded
+):
+    """Held to its prior, a gauge's gain would leave open what tolerances then were turned to explain."""
+    gain = Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.2}, 1e3, nuisance='left_a/gain')
+    asked = []
+
+    def settle(_context, place, own, free):
+        asked.append(place.stage.nuisance.names)
+        before, after = (p.stage.white_nuisance for p in (place, free(place)))
+        assert [e.cause for e in own] == ['link_elongation']
+        wider = np.linalg.norm(after, axis=0) > 2.0 * np.linalg.norm(before, axis=0)
+        asked.append({name for name, w in zip(asked[0], wider, strict=True) if w})
+        raise InterruptedError
+
+    monkeypatch.setattr(confirm, 'settled', settle)
+    with pytest.raises(InterruptedError):
+        confirm.confirm_recording(recorded, trials.prototype(), [LINK, gain])
+    assert asked[1] == {name for name in asked[0] if name.startswith('left_a/gain')}

@@ -112,6 +112,10 @@ def confirm_recording(
     own = [e for e in here if of_machine(e)]
     others = [e for e in here if not of_machine(e)]
     deviations = tuple(e.deviation for e in own)
+
+    def free(place: Beside) -> Beside:
+        return freed(place, others)
+
     if any(e.cause in MOVES_RESONANCE for e in own):
         context = with_own_tolerances(context, deviations)
     elif own:
@@ -123,12 +127,10 @@ def confirm_recording(
         context, after = tuned(context, deviations, turned=turned, held=stood_for)
     else:
         context, after = plain_context, before
-    after, own = settled(context, after, own)
-    context, after, own = led_whole(context, after, own)
-    again = iter(own)
-    here = [next(again) if of_machine(e) else e for e in here]
-    bare = after
-    after = freed(after, others)
+    found = led_whole(settled(context, after, own, free), free)
+    context, after = found.context, found.place
+    again = iter(found.effects)
+    here = [replace(e, parameters=next(again).parameters) if of_machine(e) else e for e in here]
     held = hold_out(context, after, here, seed, before.stage.turned, sizes_known=True)
     told: dict[int, tuple[Proposal, dict[str, float]]] = {
         k: (wave.proposal, dict(wave.sd)) for k, wave in waves.items()
@@ -137,11 +139,12 @@ def confirm_recording(
     if rest:
         chosen = [here[k] for k in rest]
         known = tuple(here[k].deviation for k in waves)
-        found = increments(context, after, chosen, known)
-        told |= dict(zip(rest, zip(*found, strict=True), strict=True))
-    for k, effect in enumerate(here):
-        if k not in told:
-            told[k] = _measured(context, bare, effect)
+        alone_here = increments(context, after, chosen, known)
+        told |= dict(zip(rest, zip(*alone_here, strict=True), strict=True))
+    if others:
+        alone = tuple(e.deviation for e in here if of_machine(e))
+        bound = beside(context, alone, steps=0, turned=after.stage.turned)
+        told |= {k: _measured(context, bound, e) for k, e in enumerate(here) if k not in told}
     return Confirmed(
         document,
         tuple(told[k][0] for k in range(len(here))),

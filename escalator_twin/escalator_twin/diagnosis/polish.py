@@ -220,6 +220,26 @@ def polish_whole(
     return Polished(fit_one.context, place, effects, spreads)
 
 
+def farther(polished: Polished, jobs: int = 1, worth: float = SETTLED) -> dict[str, float] | None:
+    """Return the tolerances with that one turned far which then explains most; None without gain.
+
+    Parameters
+    ----------
+    polished : Polished
+    jobs : int
+        Simulations at a time.
+    worth : float
+        Chi squared: a turn that gains less is none.
+    """
+    place = polished.place
+    held = polished.context.weak | {str(e.nuisance) for e in polished.effects}
+    ways = far_turns(place.stage, KICKS[0], held)
+    if not ways:
+        return None
+    turned, level = most_explaining(place, ways, jobs)
+    return turned if quiet_chi2(place) - level >= worth else None
+
+
 def polish_kicked(
     polished: Polished,
     free: Free | None = None,
@@ -239,12 +259,8 @@ def polish_kicked(
         Chi squared: a turn that gains less is not followed.
     """
     place, effects = polished.place, polished.effects
-    held = polished.context.weak | {str(e.nuisance) for e in effects}
-    ways = far_turns(place.stage, KICKS[0], held)
-    if not ways:
-        return None
-    turned, level = most_explaining(place, ways, jobs)
-    if quiet_chi2(place) - level < worth:
+    turned = farther(polished, jobs, worth)
+    if turned is None:
         return None
     again = polish(
         polished.context, effects, turned, free, jobs=jobs, steps=KICKED_STEPS, is_near=True
