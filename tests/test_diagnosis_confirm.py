@@ -117,10 +117,10 @@ def kicked(monkeypatch, turns, levels, is_open=True, free=None):
     monkeypatch.setattr(settling, 'farther', lambda *_, **__: next(ways))
     fit = SimpleNamespace(beside=lambda *_: 'near')
     monkeypatch.setattr(settling, 'JointFit', lambda *asked: seen.append(asked[2]) or fit)
-    seen = []
+    seen, begun = [], []
 
-    def whole(found, freeing):
-        assert found.place == 'near'
+    def whole(found, freeing, **_):
+        begun.append(found.place)
         seen.append(freeing)
         return replace(found, place=stand(next(ends)))
 
@@ -130,6 +130,8 @@ def kicked(monkeypatch, turns, levels, is_open=True, free=None):
     found = settling.led_whole(start, free)
     assert found.effects == (LINK,)
     assert set(seen) <= {free}
+    assert begun[:1] in ([], [start.place])  # slopes first
+    assert set(begun[1:]) <= {'near'}
     return found.place.stage.judged(), found is start
 
 
@@ -139,13 +141,15 @@ TURN = {'a': 1.2}
 @pytest.mark.parametrize(
     ('turns', 'levels', 'ends'),
     [
-        ((TURN, TURN, TURN), (8e3, 7e3, 6e3), 6e3),
-        ((TURN, None), (8e3,), 8e3),
-        ((TURN, TURN), (8e3, 8e3), 8e3),
-        ((TURN,), (1.1e4,), 1e4),
-        ((None,), (), 1e4),
+        ((TURN, TURN, TURN), (9e3, 8e3, 7e3, 6e3), 6e3),
+        ((TURN, None), (9e3, 8e3), 8e3),
+        ((TURN, TURN), (9e3, 8e3, 7990.0), 7990.0),
+        ((TURN, None), (1.1e4, 8e3), 8e3),
+        ((None,), (9e3,), 9e3),
+        ((TURN,), (1.1e4, 1.1e4), 1e4),
+        ((None,), (1.1e4,), 1e4),
     ],
-    ids=['all rounds', 'one round', 'no better again', 'no better', 'no turn'],
+    ids=['all rounds', 'one', 'little again', 'by a turn', 'by slopes', 'no better', 'no turn'],
 )
 def test_what_is_left_open_is_led_on_with_the_effects_in_the_runs(
     monkeypatch, turns, levels, ends

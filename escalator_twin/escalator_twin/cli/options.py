@@ -68,7 +68,10 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument('--seed', type=seed, default=0, help='of all random numbers (%(default)s)')
     group.add_argument(
-        '--jobs', type=count, default=n_cores(), help='processes at once (%(default)s)'
+        '--jobs',
+        type=count,
+        default=n_cores(),
+        help='processes at once, and simulations at once in a recording that is searched (%(default)s)',
     )
 
 

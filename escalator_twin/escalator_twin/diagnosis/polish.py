@@ -188,6 +188,7 @@ def polish_whole(
     free: Free | None = None,
     jobs: int = 1,
     worth: float = SETTLED,
+    steps: int = WHOLE_STEPS,
 ) -> Polished:
     """Fit on, with what each tolerance does run with the effects themselves in the machine.
 
@@ -202,10 +203,12 @@ def polish_whole(
         As of `polish`.
     worth : float
         Chi squared: a step that gains less is the last one.
+    steps : int
+        At most.
     """
     effects, place, spreads = polished.effects, polished.place, polished.sd
     fit_one = JointFit(polished.context, (), free)
-    for _ in range(WHOLE_STEPS):
+    for _ in range(steps):
         fit_one = fit_one.taken_whole(place, effects, jobs)
         place = fit_one.beside(effects, place.stage.turned)
         white = fit_one.columns(place, effects, jobs)
