@@ -18,6 +18,7 @@ from escalator_twin.diagnosis.fitting import (
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, tried_from_afar, Worth
+from escalator_twin.diagnosis.lengths import from_far
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import polish_kicked, polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -114,6 +115,7 @@ def try_all(
     tried = shared(place, locked(context, place, fitted_again + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
     tried = _locked_better(known, tried, jobs)
+    tried[:1] = [from_far(context, place, known, t, jobs) for t in tried[:1]]
     return [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
 
 
