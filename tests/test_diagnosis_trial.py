@@ -234,3 +234,39 @@ def test_a_wave_that_is_locked_otherwise_is_fitted_from_where_it_ended(monkeypat
     # the one that was fitted is the better: nothing to fit
     assert trial._locked_better([FRICTION], [second, first], 1) == [second, first]
     assert len(given) == 1
+
+
+@pytest.mark.parametrize('is_fitted_on', [True, False])
+@pytest.mark.parametrize('cause', ['drive_hunting', 'roller_drag'])
+def test_locks_are_weighed_anew_where_the_wave_was_fitted_on(monkeypatch, cause, is_fitted_on):
+    """Beside tolerances that were not fitted yet, hunting led by 12 of chi squared that were 2 then."""
+    stage = SimpleNamespace(frame=None, observation=SimpleNamespace(frame=None))
+    stage.lean = lambda _: stage
+    bench = SimpleNamespace(model=None, fitted=None, stage=stage)
+    wave, other = (Tried(Proposal(c, {}, {}, 9e3), 9e3, {}) for c in (cause, 'drive_ripple'))
+    on = replace(wave, gain=9.5e3)
+    weighed = []
+
+    def locked(_context, _place, tried, _jobs):
+        weighed.append([t.gain for t in tried])
+        better = {9e3: 12.0, 9.5e3: -2.0}[tried[0].gain]
+        return [tried[0], replace(other, gain=tried[0].gain - better)]
+
+    for name in ('pairs', 'best_wave_alone', '_fitted_all', 'other_sides'):
+        monkeypatch.setattr(trial, name, lambda *_: [])
+    monkeypatch.setattr(trial, 'best_wave_alone', lambda refined: refined)
+    monkeypatch.setattr(
+        trial, 'refine', lambda *_: SimpleNamespace(gain=9e3, proposal=wave.proposal)
+    )
+    monkeypatch.setattr(trial, '_fitted_all', lambda *_: [wave])
+    monkeypatch.setattr(trial, 'plain', lambda _: other)
+    monkeypatch.setattr(trial, 'shared', lambda _, tried: tried)
+    monkeypatch.setattr(trial, 'locked', locked)
+    monkeypatch.setattr(trial, 'from_far', lambda *a: a[3])
+    monkeypatch.setattr(trial, '_settled', lambda *a: on if is_fitted_on else a[2])
+    single = Proposal('roller_drag', {}, {}, 9e3)
+    found = trial.try_all(None, bench, (), [single], 1, None, lambda *_: True)
+    is_anew = is_fitted_on and cause == 'drive_hunting'
+    assert len(weighed) == 1 + is_anew
+    # the other one leads now
+    assert [t.gain for t in found] == ([9502.0, 9.5e3] if is_anew else [found[0].gain, 8988.0])

@@ -29,11 +29,13 @@ from escalator_twin.diagnosis.walk import Walked
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
 # that is further off; from recordings of development (seed 75001). A ripple's length was 3.8, 3.2 and 0.2 parts in
 # ten thousand off in three recordings (seeds 141101 and 151101, and another maker's), five of the fit's standard
-# deviations in two; of spots of 0.6, 0.6, 0.6 and 0.2 mm 0.60, 0.56, 0.54 and 0.17 were told (seeds 131101 to
+# deviations in two; a hunting's frequency 2.1, 0.4 and 2.1 parts in three (seeds 251104 and 251108), 2.3 and 4.5
+# standard deviations in two; of spots of 0.6, 0.6, 0.6 and 0.2 mm 0.60, 0.56, 0.54 and 0.17 were told (seeds 131101 to
 # 151101). Why, is not known: measured, not derived.
 VALUE_ERRORS = {
     ('roller_flat', 'depth_m'): 0.05,
     ('drive_ripple', 'cycles_per_pitch'): 3e-4,
+    ('drive_hunting', 'frequency_hz'): 2e-4,
     ('truss_resonance', 'frequency_hz'): 0.02,
     ('truss_resonance', 'modal_mass_kg'): 0.35,
     ('truss_resonance', 'damping_ratio'): 0.35,

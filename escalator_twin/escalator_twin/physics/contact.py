@@ -72,11 +72,16 @@ def rack_speed(
     speed: float, pitch_m: float, ripple: Floats, hunting: Floats, lateness: Floats,
     lateness_step_s: float, rack: Floats,
 ) -> float:  # fmt: skip
-    """Return the rack's speed with its ripple, m/s."""
+    """Return the rack's speed with its ripple, m/s; ``speed`` is its mean over time."""
     factor = 1.0
-    for k in range(len(ripple)):
-        turns = ripple[k, 1] * rack[TRAVEL] / pitch_m
-        factor += ripple[k, 0] * np.sin(2.0 * np.pi * turns + ripple[k, 2])
+    if len(ripple):
+        slow = 1.0
+        for k in range(len(ripple)):
+            turns = ripple[k, 1] * rack[TRAVEL] / pitch_m
+            factor += ripple[k, 0] * np.sin(2.0 * np.pi * turns + ripple[k, 2])
+            slow *= 1.0 - ripple[k, 0] ** 2
+        # what ripples with travel is longer where it is slow: a metre would take 1 / sqrt(1 - a^2) of its time
+        factor /= np.sqrt(slow)
     for k in range(len(hunting)):
         turns = hunting[k, 1] * hunting_time(rack[TIME], lateness, lateness_step_s)
         factor += hunting[k, 0] * np.sin(2.0 * np.pi * turns + hunting[k, 2])
