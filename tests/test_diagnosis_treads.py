@@ -106,6 +106,22 @@ def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
     assert best.parameters['height_m'] == pytest.approx(effect['parameters']['height_m'], rel=0.15)
 
 
+def searching(length):
+    view = SimpleNamespace(responses=SimpleNamespace(base=SimpleNamespace(length_m=length)))
+    return SimpleNamespace(view=view, stage=SimpleNamespace(machine_length=length), jobs=2)
+
+
+@pytest.mark.issue(6)
+def test_no_bump_is_run_beyond_the_path_of_a_machine_that_tolerances_make_shorter(monkeypatch):
+    """Landings 0.9 mm shorter ended a diagnosis: a place 0.7 mm before the design's end was none."""
+    places = []
+    monkeypatch.setattr(search_rails, '_bumped', lambda _, place, *__: places.append(place) or [])
+    search_rails._rail_trial(searching(24.4057), 24.405, 1.0)
+    assert len(set(places)) > 3
+    assert 0.0 <= min(places) < 0.1  # round the loop
+    assert max(places) <= 24.4057 - 0.01
+
+
 @pytest.mark.issue(6)
 @pytest.mark.parametrize(
     ('at', 'height', 'wide'),
@@ -119,8 +135,7 @@ def test_bumps_of_either_sign_and_any_length_are_run(monkeypatch, at, height, wi
         return [Proposal('guide_step', {'s_m': place}, {'height_m': high}, 900.0 / (1.0 + off))]
 
     monkeypatch.setattr(search_rails, '_bumped', bumped)
-    base = SimpleNamespace(length_m=24.0)
-    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
+    search = searching(24.0)
     known = [
         Proposal('guide_step', {'s_m': place}, {'height_m': 1e-3}, gain)
         for place, gain in ((5.9, 40.0), (6.0, 60.0))
@@ -138,8 +153,7 @@ def test_a_bump_is_found_where_the_chain_rings_with_it(monkeypatch, begin):
         return [Proposal('guide_step', {'s_m': place}, {'height_m': high}, 10.0 + gain)]
 
     monkeypatch.setattr(search_rails, '_bumped', bumped)
-    base = SimpleNamespace(length_m=24.4)
-    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
+    search = searching(24.4)
     found = search_rails._rail_trial(search, begin, 1.0)
     found += search_rails._rail_shapes(search, found)
     assert max(found, key=lambda p: p.gain).location['s_m'] == pytest.approx(23.99, abs=1e-6)
@@ -154,8 +168,7 @@ def test_where_rollers_rattle_a_low_bump_is_tried_as_well(monkeypatch, height):
         ]
 
     monkeypatch.setattr(search_rails, '_bumped', bumped)
-    base = SimpleNamespace(length_m=24.4)
-    search = SimpleNamespace(view=SimpleNamespace(responses=SimpleNamespace(base=base)), jobs=2)
+    search = searching(24.4)
     sign = -1.0 if height < 0.0 else 1.0
     assert max(p.gain for p in search_rails._rail_trial(search, 20.0, sign)) == 80.0
 

@@ -105,13 +105,18 @@ def value_of(proposal: Proposal, key: str) -> float:
     return proposal.parameters[key]
 
 
+def on_path(place_m: float, length_m: float) -> float:
+    """Return a place on the path of every machine within tolerance, m; ``length_m`` is the design's."""
+    return float(np.clip(place_m, 0.0, length_m - SHORTER_M))
+
+
 def changed(proposal: Proposal, values: Mapping[str, float], length_m: float) -> Proposal:
     """Return a proposal with other numbers, within the bounds of its cause."""
     parameters, location = dict(proposal.parameters), dict(proposal.location)
     bounds = {p.name: (p.low, p.high) for p in KNOWN[proposal.cause].parameters}
     for key, value in values.items():
         if key.startswith('@'):
-            location[key[1:]] = float(np.clip(value, 0.0, length_m - SHORTER_M))
+            location[key[1:]] = on_path(value, length_m)
         else:
             low, high = bounds[key]
             if key == 'phase_rad':

@@ -10,6 +10,7 @@ import numpy as np
 from escalator_twin.causes.guide_step import LENGTH_M
 from escalator_twin.diagnosis.loops import band_limited
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import on_path
 from escalator_twin.diagnosis.regression import score_each
 from escalator_twin.diagnosis.search import Search, SIDES
 from escalator_twin.machine import Deviation
@@ -164,10 +165,11 @@ def _all_bumped(
 ) -> list[Proposal]:
     """Propose bumps of some shapes near a place, those at the place itself first."""
     length = abs(search.view.responses.base.length_m)
+    path_m = search.stage.machine_length
 
     def bumped(shape: tuple[float, float, float]) -> list[Proposal]:
         shift, wide, height = shape
-        return _bumped(search, float((begin + shift) % length), height, wide)
+        return _bumped(search, on_path((begin + shift) % length, path_m), height, wide)
 
     with ThreadPoolExecutor(max(1, search.jobs)) as pool:
         ran = pool.map(bumped, product(shifts, lengths, heights))

@@ -6,9 +6,8 @@ ends have a best value in every pitch, and a fit keeps the one that it begins in
 
 from dataclasses import replace
 
-import numpy as np
-
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import on_path
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.scan import best_variant
 from escalator_twin.diagnosis.stage import Stage
@@ -50,8 +49,8 @@ def _around(stage: Stage, proposal: Proposal, way_m: float) -> list[Proposal]:
     variants = []
     for first in (-way_m, 0.0, way_m):
         for last in (-way_m, 0.0, way_m):
-            s_from = float(np.clip(start + first, 0.0, length))
-            s_to = float(np.clip(end + last, 0.0, length))
+            s_from = on_path(start + first, length)
+            s_to = on_path(end + last, length)
             if s_to - s_from < SHORTEST_M:
                 continue
             location: dict[str, object] = {'s_from_m': s_from, 's_to_m': s_to}
