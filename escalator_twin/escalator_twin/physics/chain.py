@@ -86,19 +86,31 @@ def pull_links(
     begin: int, end: int, ahead: int,
 ) -> None:  # fmt: skip
     """Fill direction, force and force at the mean length of links whose end is ``ahead`` axles on."""
-    stiffness, damping, free_length = law[0][side], law[1][side], law[2][side]
-    x, z, vx, vz = place[0, side], place[1, side], rate[0, side], rate[1, side]
-    wx, wz, ex_of, ez_of = middle[0, side], middle[1, side], direction[0, side], direction[1, side]
-    tensions, pulls = tension[side], pull[side]
-    turning = 0.25 * h * h
-    for i in range(begin, end):
-        k = i + ahead
-        dx, dz = x[k] - x[i], z[k] - z[i]
+    far, to = begin + ahead, end + ahead
+    stiffness, damping = law[0][side, begin:end], law[1][side, begin:end]
+    free_length, turning = law[2][side, begin:end], 0.25 * h * h
+    # rows of both ends: an index that might be negative would have the links taken one by one
+    x, z, x_far, z_far = (
+        place[0, side, begin:end], place[1, side, begin:end],
+        place[0, side, far:to], place[1, side, far:to],
+    )  # fmt: skip
+    vx, vz, vx_far, vz_far = (
+        rate[0, side, begin:end], rate[1, side, begin:end],
+        rate[0, side, far:to], rate[1, side, far:to],
+    )  # fmt: skip
+    wx, wz, wx_far, wz_far = (
+        middle[0, side, begin:end], middle[1, side, begin:end],
+        middle[0, side, far:to], middle[1, side, far:to],
+    )  # fmt: skip
+    ex_of, ez_of = direction[0, side, begin:end], direction[1, side, begin:end]
+    tensions, pulls = tension[side, begin:end], pull[side, begin:end]
+    for i in range(len(x)):
+        dx, dz = x_far[i] - x[i], z_far[i] - z[i]
         length = np.sqrt(dx * dx + dz * dz)
         per_length = 1.0 / length
         ex, ez = dx * per_length, dz * per_length
-        stretch_rate = (wx[k] - wx[i]) * ex + (wz[k] - wz[i]) * ez
-        turn = (vz[k] - vz[i]) * ex - (vx[k] - vx[i]) * ez
+        stretch_rate = (wx_far[i] - wx[i]) * ex + (wz_far[i] - wz[i]) * ez
+        turn = (vz_far[i] - vz[i]) * ex - (vx_far[i] - vx[i]) * ez
         f = stiffness[i] * (length - free_length[i]) + damping[i] * stretch_rate
         ex_of[i], ez_of[i], tensions[i] = ex, ez, f
         pulls[i] = f + turning * stiffness[i] * turn * turn * per_length
@@ -161,16 +173,24 @@ def fill_links(
     work: Floats, inverse: Floats, direction: Floats, side: int, begin: int, end: int, ahead: int
 ) -> None:
     """Complete the pivots and fill the couplings of links whose end is ``ahead`` axles on."""
-    pivot, coupled = work[PIVOT, side], work[NEXT, side]
-    xx, xz, zz = inverse[0, side], inverse[1, side], inverse[2, side]
-    ex_of, ez_of = direction[0, side], direction[1, side]
-    for i in range(begin, end):
-        k = i + ahead
-        ex, ez, fx, fz = ex_of[i], ez_of[i], ex_of[k], ez_of[k]
-        sx, sz = xx[k] * ex + xz[k] * ez, xz[k] * ex + zz[k] * ez
+    far, to = begin + ahead, end + ahead
+    pivot, coupled = work[PIVOT, side, begin:end], work[NEXT, side, begin:end]
+    xx, xz, zz = (
+        inverse[0, side, begin:end], inverse[1, side, begin:end], inverse[2, side, begin:end],
+    )  # fmt: skip
+    xx_far, xz_far, zz_far = (
+        inverse[0, side, far:to],
+        inverse[1, side, far:to],
+        inverse[2, side, far:to],
+    )
+    ex_of, ez_of = direction[0, side, begin:end], direction[1, side, begin:end]
+    fx_of, fz_of = direction[0, side, far:to], direction[1, side, far:to]
+    for i in range(len(pivot)):
+        ex, ez = ex_of[i], ez_of[i]
+        sx, sz = xx_far[i] * ex + xz_far[i] * ez, xz_far[i] * ex + zz_far[i] * ez
         own = ex * (xx[i] * ex + xz[i] * ez) + ez * (xz[i] * ex + zz[i] * ez)
         pivot[i] += own + ex * sx + ez * sz
-        coupled[i] = -(fx * sx + fz * sz)
+        coupled[i] = -(fx_of[i] * sx + fz_of[i] * sz)
 
 
 @compiled
@@ -188,9 +208,16 @@ def solve_cyclic(work: Floats) -> None:
         corner[last] = end
         corner[0] = shift
         pivot[0] -= shift
-        eliminate(pivot, coupled, work[FACTOR, side])
-        substitute(corner, work[FORCED, side], work[FACTOR, side], pivot)
-        substitute(work[FORCED + 1, side], work[FORCED + 2, side], work[FACTOR, side], pivot)
+    if m == 2:
+        eliminate_both(work[PIVOT], work[NEXT], work[FACTOR])
+        substitute_both(work[CORNER:width], work[FACTOR], work[PIVOT])
+    else:
+        factor, inverse = work[FACTOR, 0], work[PIVOT, 0]
+        eliminate(inverse, work[NEXT, 0], factor)
+        substitute(work[CORNER, 0], work[FORCED, 0], factor, inverse)
+        substitute(work[FORCED + 1, 0], work[FORCED + 2, 0], factor, inverse)
+    for side in range(m):
+        pivot, corner, end = work[PIVOT, side], work[CORNER, side], work[NEXT, side, last]
         # shift is minus the first pivot before it was doubled, the pivot now its inverse
         ratio = -2.0 * end * pivot[0]
         below = 1.0 / (1.0 + corner[0] + ratio * corner[last])
@@ -215,6 +242,22 @@ def eliminate(pivot: Floats, coupled: Floats, factor: Floats) -> None:
 
 
 @compiled
+def eliminate_both(pivot: Floats, coupled: Floats, factor: Floats) -> None:
+    """Do the same for two systems at once, (2, n): while one's division is under way, the other's begins."""
+    n = pivot.shape[1]
+    a, b = pivot[0, 0], pivot[1, 0]
+    for i in range(1, n):
+        a = pivot[0, i] - coupled[0, i - 1] * coupled[0, i - 1] / a
+        b = pivot[1, i] - coupled[1, i - 1] * coupled[1, i - 1] / b
+        pivot[0, i], pivot[1, i] = a, b
+    for side in range(2):
+        of_side, couplings, factors = pivot[side], coupled[side], factor[side]
+        for i in range(n):
+            of_side[i] = 1.0 / of_side[i]
+            factors[i] = couplings[i] * of_side[i]
+
+
+@compiled
 def substitute(one: Floats, other: Floats, factor: Floats, pivot: Floats) -> None:
     """Solve for two right sides at once, in place: each waits for its own products only."""
     n = len(one)
@@ -229,6 +272,38 @@ def substitute(one: Floats, other: Floats, factor: Floats, pivot: Floats) -> Non
     for i in range(n - 2, -1, -1):
         a, b = one[i] - factor[i] * a, other[i] - factor[i] * b
         one[i], other[i] = a, b
+
+
+@compiled
+def substitute_both(rows: Floats, factor: Floats, pivot: Floats) -> None:
+    """Solve two systems at once, for four right sides each, (4, 2, n), in place."""
+    n = rows.shape[2]
+    a, b, c, d = rows[0, 0, 0], rows[1, 0, 0], rows[2, 0, 0], rows[3, 0, 0]
+    e, f, g, k = rows[0, 1, 0], rows[1, 1, 0], rows[2, 1, 0], rows[3, 1, 0]
+    for i in range(1, n):
+        one, other = factor[0, i - 1], factor[1, i - 1]
+        a, b = rows[0, 0, i] - one * a, rows[1, 0, i] - one * b
+        c, d = rows[2, 0, i] - one * c, rows[3, 0, i] - one * d
+        e, f = rows[0, 1, i] - other * e, rows[1, 1, i] - other * f
+        g, k = rows[2, 1, i] - other * g, rows[3, 1, i] - other * k
+        rows[0, 0, i], rows[1, 0, i], rows[2, 0, i], rows[3, 0, i] = a, b, c, d
+        rows[0, 1, i], rows[1, 1, i], rows[2, 1, i], rows[3, 1, i] = e, f, g, k
+    for j in range(4):
+        for side in range(2):
+            row, inverse = rows[j, side], pivot[side]
+            for i in range(n):
+                row[i] *= inverse[i]
+    last = n - 1
+    a, b, c, d = rows[0, 0, last], rows[1, 0, last], rows[2, 0, last], rows[3, 0, last]
+    e, f, g, k = rows[0, 1, last], rows[1, 1, last], rows[2, 1, last], rows[3, 1, last]
+    for i in range(n - 2, -1, -1):
+        one, other = factor[0, i], factor[1, i]
+        a, b = rows[0, 0, i] - one * a, rows[1, 0, i] - one * b
+        c, d = rows[2, 0, i] - one * c, rows[3, 0, i] - one * d
+        e, f = rows[0, 1, i] - other * e, rows[1, 1, i] - other * f
+        g, k = rows[2, 1, i] - other * g, rows[3, 1, i] - other * k
+        rows[0, 0, i], rows[1, 0, i], rows[2, 0, i], rows[3, 0, i] = a, b, c, d
+        rows[0, 1, i], rows[1, 1, i], rows[2, 1, i], rows[3, 1, i] = e, f, g, k
 
 
 @compiled

@@ -238,10 +238,19 @@ def resist(p: Parameters, state: State) -> None:
         if len(guide_drag):
             for i in range(n):
                 along[i] += stretch_drag(state.s[side, i] % p.length_m, guide_drag)
+        drags, slow = drag_of[side], 0
         for i in range(n):
-            rolling = speeds[i] + extra
-            drag = along[i] + drag_of[side, i]
-            along[i] = -drag * saturating(rolling * per_creep) - viscous * rolling
+            slow += abs((speeds[i] + extra) * per_creep) <= SATURATED
+        if slow == 0:  # as always but while it starts: all at once
+            for i in range(n):
+                rolling = speeds[i] + extra
+                drag = along[i] + drags[i]
+                along[i] = -drag * np.copysign(1.0, rolling) - viscous * rolling
+        else:
+            for i in range(n):
+                rolling = speeds[i] + extra
+                drag = along[i] + drags[i]
+                along[i] = -drag * saturating(rolling * per_creep) - viscous * rolling
 
 
 @inlined
