@@ -51,3 +51,29 @@ def test_what_leaves_a_quarter_is_followed(monkeypatch, left, is_riddle):
     best = Tried(ROLLING, 200.0, {}, SimpleNamespace(place=left))
     unfitted = Tried(LANDING, 900.0, {}, None)
     assert closing.is_riddle(100.0, [best, unfitted], None) is is_riddle
+
+
+@pytest.mark.parametrize(
+    ('cause', 'left', 'is_local'),
+    [
+        ('link_elongation', 490.0, True),
+        ('link_elongation', 510.0, False),  # all else may be more
+        ('landing_length', 10.0, False),  # of a form that others of the whole machine share
+    ],
+)
+def test_nothing_whole_is_sought_beside_a_link_that_explains_most(
+    monkeypatch, cause, left, is_local
+):
+    monkeypatch.setattr(closing, 'excess_of', lambda place, _: place)
+    best, other, unfitted = (
+        Tried(
+            Proposal(c, {}, {}, 0.0), gain, {}, None if at is None else SimpleNamespace(place=at)
+        )
+        for c, gain, at in (
+            (cause, 5e3, left),
+            ('roller_drag', 4e3, 1.0),
+            ('step_mass', 9e3, None),
+        )
+    )
+    assert closing.is_local(1_000.0, [other, best, unfitted], None) is is_local
+    assert not closing.is_local(1_000.0, [unfitted], None)

@@ -119,7 +119,7 @@ def kicked(monkeypatch, turns, levels, is_open=True, free=None):
     monkeypatch.setattr(settling, 'JointFit', lambda *asked: seen.append(asked[2]) or fit)
     seen, begun = [], []
 
-    def whole(found, freeing, **_):
+    def whole(found, freeing, *_):
         begun.append(found.place)
         seen.append(freeing)
         return replace(found, place=stand(next(ends)))

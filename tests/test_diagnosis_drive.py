@@ -1,6 +1,6 @@
 """Waves of the drive's speed: a ripple is one of the rack's travel, which falls on the way down."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -223,6 +223,10 @@ def test_a_wave_is_weighed_in_both_alignments(monkeypatch):
     assert hunting.gain == 500.0
     assert ripple.gain == pytest.approx(500.0 - agreed(*told.values()))
     assert 0.0 < 500.0 - ripple.gain < 3.0
+    # what is no effect has no lock
+    monkeypatch.setattr(waves, 'beside', lambda *_, **__: pytest.fail('aligned anew'))
+    noise = [replace(t, gain=15.0) for t in rows]
+    assert waves.locked(context, SimpleNamespace(stage=stage), noise) == noise
 
 
 def test_beside_a_fault_of_the_measurement_alone_no_tolerance_is_tuned_again(monkeypatch):

@@ -56,10 +56,14 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
         proposal=given[3], gain=given[3].gain
     ))  # fmt: skip
     done = []
+    there = SimpleNamespace(
+        is_open=not closes, stage=SimpleNamespace(judged=lambda *_: 8e3), fitted=None
+    )
 
-    def fitted_beside(_context, _place, _known, refined, _turned, _share):
+    def fitted_beside(_context, _place, _known, refined, _turned, _jobs, level):
+        assert level == (8e3 if done else 1e4)  # of what leads
         done.append(refined.proposal)
-        polished = Polished(context, SimpleNamespace(is_open=not closes), (), ())
+        polished = Polished(context, there, (), ())
         return Tried(refined.proposal, refined.gain, {}, polished)
 
     monkeypatch.setattr(from_afar, 'fitted_beside', fitted_beside)
@@ -71,6 +75,22 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     afar = Afar(context, place, [ROLLING, LANDING], edges)
     from_afar.tried_from_afar(context, afar, place, known, [], [], 1)
     assert done == fitted
+
+
+@pytest.mark.parametrize(('left', 'is_sought'), [(400.0, False), (600.0, True)])
+def test_beside_a_link_that_explains_most_nothing_is_sought_afar(monkeypatch, left, is_sought):
+    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain
+    ))  # fmt: skip
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    monkeypatch.setattr(closing, 'is_open', lambda *_: True)
+    monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.fitted - 1e3)
+    monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: False)
+    link = Proposal('link_elongation', {'link': 12}, {'length_m': 3e-3}, 400.0)
+    done = Tried(link, 990.0, {}, Polished(None, leveled(1e3 + left), (link,), ({},)))
+    afar = Afar(None, leveled(2e3), [ROLLING])
+    found = from_afar.tried_from_afar(Held(None), afar, leveled(2e3), [], [done], [], 1)
+    assert bool(found) is is_sought
 
 
 @pytest.mark.issue(6)

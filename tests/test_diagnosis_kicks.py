@@ -39,30 +39,20 @@ def test_one_tolerance_is_turned_at_a_time_within_its_bounds():
 
 
 @pytest.mark.parametrize(
-    ('level', 'fitted', 'is_followed'),
-    [
-        (6e3, 5e3, True),
-        (9.98e3, 5e3, False),  # the turn gains less than is asked for
-        (6e3, 9.98e3, False),  # the fit does not keep it
-    ],
+    ('level', 'is_followed'),
+    [(6e3, True), (9.98e3, False)],  # the second gains less than is asked for
 )
-def test_a_turn_that_gains_enough_is_followed(monkeypatch, level, fitted, is_followed):
+def test_a_turn_that_gains_enough_is_followed(monkeypatch, level, is_followed):
     seen = []
 
     def most_explaining(_start, ways, _jobs):
         seen.extend(name for way in ways for name in way)
         return {'roller.contact': -1.0}, level
 
-    def fit(_context, effects, turned, *_, **options):
-        assert turned == {'roller.contact': -1.0}
-        assert options['is_near']
-        return polish.Polished(None, place(fitted), effects, ())
-
     monkeypatch.setattr(polish, 'most_explaining', most_explaining)
-    monkeypatch.setattr(polish, 'polish', fit)
     context = SimpleNamespace(weak=frozenset({'guide.lower_landing_m'}))
     begun = polish.Polished(context, place(1e4), (LANDING, SOFT), ())
-    found = polish.polish_kicked(begun, None, 1, worth=50.0)
-    assert (found is not None) is is_followed
+    found = polish.farther(begun, 1, worth=50.0)
+    assert found == ({'roller.contact': -1.0} if is_followed else None)
     # what a known effect stands for is in its size, and what hardly shows is left
     assert set(seen) == {'chain.mass', 'roller.contact'}

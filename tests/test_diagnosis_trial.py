@@ -81,12 +81,12 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     monkeypatch.setattr(trial, 'excess_of', lambda *_: 1e3)
     done = Polished(None, whole, (better,), ({'x': 0.2},))
 
-    def polish_whole(_polished, _free, _jobs, worth):
-        assert worth == 50.0  # a twentieth of what is left, however much the effect explains
+    def led_whole(_polished, _free, _jobs, worth_a_step, worth_a_turn, *_):
+        # a twentieth of what is left, however much the effect explains
+        assert (worth_a_step, worth_a_turn) == (50.0, 50.0)
         return done
 
-    monkeypatch.setattr(trial, 'polish_whole', polish_whole)
-    monkeypatch.setattr(trial, 'polish_kicked', lambda *_: pytest.fail('explains too little'))
+    monkeypatch.setattr(trial, 'led_whole', led_whole)
     settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
     assert settled.proposal is (better if goes_on else first)
     assert settled.gain == (gain + 100.0 if goes_on else gain)
@@ -108,39 +108,34 @@ class Level:
 
 
 @pytest.mark.parametrize(
-    ('levels', 'tried', 'is_polished'),
+    ('first', 'there', 'turn', 'expected'),
     [
-        ([300.0, 120.0], 3, True),  # two turns lead on, a third nowhere
-        ([300.0, 90.0], 2, True),  # less than a hundredth is left: no turn is worth its runs
-        ([300.0, 40.0], 2, False),  # less than half of that: nothing is
-        ([300.0, 0.0], 2, False),  # nothing is left: there is nothing to fit on
-        ([500.0, 400.0, 300.0, 200.0], 3, True),  # no more than three
+        (1e3, 1e3, 0, True),
+        (1e3, 60.0, 0, True),
+        (1e3, 40.0, 0, False),  # less than half a hundredth is left: nothing is worth its runs
+        (1e3, 120.0, 1, True),
+        (1e3, 90.0, 1, False),  # less than a hundredth: no turn is
+        (3e3, 3e3, 0, True),
+        (3e3, 3e3, 1, False),  # of what explains little, no turn makes more
     ],
 )
-def test_beside_what_explains_most_tolerances_are_turned_far(
-    monkeypatch, levels, tried, is_polished
+def test_a_fit_goes_on_where_what_is_left_is_worth_the_runs(
+    monkeypatch, first, there, turn, expected
 ):
-    monkeypatch.setattr(trial, 'is_open', lambda place, *_: place.left > 0.0)
+    monkeypatch.setattr(trial, 'is_open', lambda *_: True)
     monkeypatch.setattr(trial, 'excess_of', lambda place, *_: place.left)
-    first = Proposal('link_stiffness', {}, {'factor': 0.3}, 9e3)
-    fits = [
-        Polished(SimpleNamespace(floor=None), Level(x), (first,), ({},)) for x in (1e3, *levels)
-    ]
-    calls = []
+    asked = []
 
-    def polish_kicked(polished, _free, _jobs, worth):
-        assert worth == 50.0
-        calls.append(polished)
-        k = fits.index(polished) + 1
-        return fits[k] if k < len(fits) else None
+    def led_whole(polished, _free, _jobs, _worth, _worth_a_turn, goes_on, _steps):
+        asked.append(goes_on(Level(there), turn))
+        return polished
 
-    whole = []
-    monkeypatch.setattr(trial, 'polish_kicked', polish_kicked)
-    monkeypatch.setattr(trial, 'polish_whole', lambda p, *_: (whole.append(p), p)[1])
-    settled = trial._settled(Level(1e4), (), Tried(first, 9e3, {}, fits[0]), 1)
-    assert len(calls) == tried
-    assert bool(whole) is is_polished
-    assert settled.gain == 1e4 - fits[min(tried, len(levels))].place.left
+    monkeypatch.setattr(trial, 'led_whole', led_whole)
+    soft = Proposal('link_stiffness', {}, {'factor': 0.3}, 9e3)
+    fit = Polished(SimpleNamespace(floor=None), Level(first), (soft,), ({},))
+    tried = Tried(soft, 9e3, {}, fit)
+    assert trial._settled(Level(1e4), (), tried, 1) == tried
+    assert asked == [expected]
 
 
 def test_a_known_hunting_is_fitted_on_beside_a_further_effect(monkeypatch):
@@ -194,9 +189,18 @@ def test_what_tolerances_lead_far_above_is_not_fitted(monkeypatch, led_to, steps
 
 
 @pytest.mark.parametrize(
-    ('turned', 'most'), [({}, fitting.MOST_LED * 1e3), (None, inf), ({'preload': 1.0}, inf)]
+    ('turned', 'level', 'most'),
+    [
+        ({}, inf, fitting.MOST_LED * 1e3),
+        ({}, 800.0, fitting.MOST_LED * 800.0),  # another one leads
+        ({}, 1200.0, fitting.MOST_LED * 1e3),
+        (None, 800.0, inf),
+        ({'preload': 1.0}, 800.0, inf),
+    ],
 )
-def test_only_a_fit_from_the_machine_as_described_may_be_left_at_that(monkeypatch, turned, most):
+def test_only_a_fit_from_the_machine_as_described_may_be_left_at_that(
+    monkeypatch, turned, level, most
+):
     limits = []
 
     def no_machine(*_, **given):
@@ -207,7 +211,7 @@ def test_only_a_fit_from_the_machine_as_described_may_be_left_at_that(monkeypatc
     stage = SimpleNamespace(judged=lambda *_: 1e3, turned={})
     refined = Refined(ROLLING, None, None, 500.0, {}, None, ())
     place = SimpleNamespace(stage=stage, fitted=None)
-    fitting.fitted_beside(None, place, (), refined, turned)
+    fitting.fitted_beside(None, place, (), refined, turned, 1, level)
     assert limits == [most]
 
 

@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
 # Of what a recording holds above a good machine's: a cause that leaves less is followed, and what else there
 # is comes beside it.
 MOST_LEFT = 0.25
+HALF = 0.5
 # Of what a recording holds above a good machine's: beside an effect that leaves less than the first, turning
 # tolerances far changed a soft link's factor from 0.304 to 0.303, a drag from 122 to 121 N; less than the second,
 # fitting on changed an eccentricity by a fifth of a percent.
@@ -25,6 +26,18 @@ def is_closed(tried: Sequence[Tried], floor: Floor) -> bool:
     """
     best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
     return best is not None and best.proposal.cause in LOCAL and closes(best, floor)
+
+
+def is_local(place: Beside, tried: Sequence[Tried], floor: Floor) -> bool:
+    """Tell whether an effect of one link, axle or step leaves less than half of what is open.
+
+    All that the whole machine may have is of another form: it has no part in what the effect explains, and the
+    rest is less. It comes in the next round.
+    """
+    best = max((t for t in tried if t.polished is not None), key=lambda t: t.gain, default=None)
+    if best is None or best.polished is None or best.proposal.cause not in LOCAL:
+        return False
+    return excess_of(best.polished.place, floor) < HALF * excess_of(place, floor)
 
 
 def is_riddle(place: Beside, tried: Sequence[Tried], floor: Floor) -> bool:

@@ -67,10 +67,12 @@ def fitted_beside(
     refined: Refined,
     turned: Mapping[str, float] | None = None,
     jobs: int = 1,
+    level: float = inf,
 ) -> Tried:
     """Fit a refined cause together with the tolerances and what is known already.
 
-    ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given.
+    ``turned`` is where the tolerances begin: where they are at ``place``, unless it is given. ``level`` is the
+    chi squared of what leads.
     """
     if refined.proposal.cause in DRIVE:
         refined = realigned(context, place, refined, jobs)
@@ -85,7 +87,7 @@ def fitted_beside(
             jobs,
             STEPS_AT_LENGTH if refined.proposal.cause in LOCAL else STEPS,
             is_near=turned is not None and bool(turned),
-            most=inf if turned is None or turned else MOST_LED * before,
+            most=inf if turned is None or turned else MOST_LED * min(before, level),
         )
     except EscalatorError:
         return plain(refined)

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.closing import is_closed, is_done, is_riddle
+from escalator_twin.diagnosis.closing import is_closed, is_done, is_local, is_riddle
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.fitting import fitted_beside
 from escalator_twin.diagnosis.frames import best_frame
@@ -37,7 +37,7 @@ def tried_from_afar(
 ) -> list[Tried]:
     """Fit what may look like other causes beside tolerances that were tuned to it.
 
-    Nothing is where one of those fitted closes the recording.
+    Nothing is where one of those fitted closes the recording, or explains more than all else may.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def tried_from_afar(
         As of `trial.try_all`.
     """
     floor = context.floor
-    if is_closed(fitted, floor):
+    if is_closed(fitted, floor) or is_local(place, fitted, floor):
         return []
     proposals = [*afar.proposals, *(scanned(afar.place, p, jobs) for p in moving)]
     sought = replace(afar, proposals=proposals)
@@ -100,8 +100,9 @@ def _tried_afar(
 
     def is_far(one: Refined) -> bool:
         cause = one.proposal.cause
-        level = min(p.stage.judged(p.fitted, cause) for p in places)
-        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * level
+        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * _least(
+            cause, places
+        )
 
     first = pool.map(
         lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
@@ -112,7 +113,12 @@ def _tried_afar(
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if not is_far(r)]
-    return _fitted_afar(context, afar, place, known, leading, pool, jobs)
+    return _fitted_afar(context, afar, place, known, leading, pool, jobs, places)
+
+
+def _least(cause: str, places: Sequence[Beside]) -> float:
+    """Return the least chi squared, of those that a cause is judged by, of several machines."""
+    return min(p.stage.judged(p.fitted, cause) for p in places)
 
 
 def _at_edges(
@@ -134,7 +140,8 @@ def _at_edges(
     edges = [e for e in afar.edges if e.cause not in done]
     runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
     found = [r for r in runs if r is not None]
-    return _fitted_afar(context, afar, place, known, found, pool, jobs)
+    places = [place, *(t.polished.place for t in tried if t.polished is not None)]
+    return _fitted_afar(context, afar, place, known, found, pool, jobs, places)
 
 
 def _fitted_afar(
@@ -145,9 +152,18 @@ def _fitted_afar(
     leading: Sequence[Refined],
     pool: ThreadPoolExecutor,
     jobs: int,
+    places: Sequence[Beside],
 ) -> list[Tried]:
-    """Fit causes from the machine as described, no tolerance turned."""
-    fitted = pool.map(lambda r: fitted_beside(afar.context, place, known, r, {}, jobs), leading)
+    """Fit causes from the machine as described, no tolerance turned.
+
+    ``places`` are what others come down to: only what may come below the best of them is fitted to its end.
+    """
+    fitted = pool.map(
+        lambda r: fitted_beside(
+            afar.context, place, known, r, {}, jobs, _least(r.proposal.cause, places)
+        ),
+        leading,
+    )
     found = []
     for tried in fitted:
         if tried.polished is not None:

@@ -21,7 +21,6 @@ STEPS = 8
 WHOLE_STEPS = 4  # each costs a run of every tolerance
 APPROACHES = 3  # beside an effect that takes a tolerance over: each leads as far as that reaches
 ANEW = 2  # times that the tolerances' effect is taken anew on the way
-KICKED_STEPS = 2  # after a tolerance was turned far
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 
 
@@ -241,34 +240,6 @@ def farther(polished: Polished, jobs: int = 1, worth: float = SETTLED) -> dict[s
         return None
     turned, level = most_explaining(place, ways, jobs)
     return turned if quiet_chi2(place) - level >= worth else None
-
-
-def polish_kicked(
-    polished: Polished,
-    free: Free | None = None,
-    jobs: int = 1,
-    worth: float = SETTLED,
-) -> Polished | None:
-    """Fit on from where one tolerance is turned far; None where no such turn gains enough.
-
-    What a soft link does is moved along the guide by millimetres where contacts or chain are softer: slopes
-    lead nowhere, and tuning without the effects in the runs cannot know.
-
-    Parameters
-    ----------
-    polished, free, jobs
-        As of `polish_whole`.
-    worth : float
-        Chi squared: a turn that gains less is not followed.
-    """
-    place, effects = polished.place, polished.effects
-    turned = farther(polished, jobs, worth)
-    if turned is None:
-        return None
-    again = polish(
-        polished.context, effects, turned, free, jobs=jobs, steps=KICKED_STEPS, is_near=True
-    )
-    return again if judged(again.place, again.effects) < judged(place, effects) - worth else None
 
 
 def increments(

@@ -1,6 +1,6 @@
 """Beside effects whose sizes are known: fit what is a recording's own, and the tolerances."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from escalator_twin.diagnosis.context import Beside, Context
@@ -22,6 +22,8 @@ WORTH_A_STEP = 30.0  # chi squared: a step of these that gains less is the last 
 # Of chi squared: after a turn and fit that gain less, no other is tried. Out of the hollow the turns gained 16, 4
 # and 3 %, where none leads on 1 % at most; each costs 20 to 50 s.
 WORTH_ANOTHER = 0.015
+
+GoesOn = Callable[[Beside, int], bool]
 
 
 def settled(
@@ -54,8 +56,16 @@ def settled(
     return Polished(context, place if free is None else free(place), own, ())
 
 
-def led_whole(found: Polished, free: Free | None = None) -> Polished:
-    """Tune the tolerances on with the effects themselves in every run, where much is left open.
+def led_whole(
+    found: Polished,
+    free: Free | None = None,
+    jobs: int = 1,
+    worth_a_step: float = WORTH_A_STEP,
+    worth_a_turn: float = WORTH_A_ROUND,
+    goes_on: GoesOn | None = None,
+    steps: int = WHOLE_STEPS,
+) -> Polished:
+    """Fit on with the effects themselves in every run, where much is left open.
 
     `tuned` keeps what effects of single links do. Beside a longer chain, how a longer link pulls is
     another with stiffer contacts: by 0.6 of itself where these were 2 standard deviations off. Slopes with
@@ -64,23 +74,34 @@ def led_whole(found: Polished, free: Free | None = None) -> Polished:
     Parameters
     ----------
     found : Polished
-        As `settled` returns it.
+        What is fitted of its effects is fitted on.
     free : callable, optional
         As of `settled`.
+    jobs : int
+        Simulations at a time.
+    worth_a_step, worth_a_turn : float
+        Chi squared: of these, one that gains less is the last.
+    goes_on : callable, optional
+        Takes the machine and how often a tolerance was turned: whether what is left is worth another turn,
+        or at first any runs.
+    steps : int
+        By slopes, after each turn, at most.
     """
     if not any(e.cause in LOCAL for e in found.effects):
         return found
     for turn in range(1 + MOST_KICKS):
         if not is_open(found.place, found.context.floor):
             break
+        if goes_on is not None and not goes_on(found.place, turn):
+            break
         near = found
         if turn:
-            turned = farther(found, worth=WORTH_A_ROUND)
+            turned = farther(found, jobs, worth_a_turn)
             if turned is None:
                 break
             place = JointFit(found.context, (), free).beside(found.effects, turned)
             near = replace(found, place=place)
-        whole = polish_whole(near, free, worth=WORTH_A_STEP, steps=WHOLE_STEPS)
+        whole = polish_whole(near, free, jobs, worth_a_step, steps)
         before, after = (judged(p.place, p.effects) for p in (found, whole))
         if after < before:
             found = whole

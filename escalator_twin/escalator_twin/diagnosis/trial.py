@@ -20,10 +20,11 @@ from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, tried_from_afar, Worth
 from escalator_twin.diagnosis.lengths import from_far
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import polish_kicked, polish_whole, Polished
+from escalator_twin.diagnosis.polish import Polished, WHOLE_STEPS
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
+from escalator_twin.diagnosis.settling import led_whole
 from escalator_twin.diagnosis.sides import other_sides
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
@@ -36,7 +37,6 @@ LARGE = 300.0
 # Of what is left above a good machine's: a step with all tolerances run beside the effect that gains less
 # is the last.
 WORTH = 0.05
-KICKED = 3  # times that one tolerance is turned far beside the best effect of a single link
 
 
 def try_all(
@@ -214,20 +214,14 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     above, left = excess_of(place, floor), excess_of(polished.place, floor)
     worth = WORTH * left
 
-    def free(beside: Beside) -> Beside:
-        return freed(beside, known)
+    def goes_on(there: Beside, turn: int) -> bool:
+        if turn and left >= MOST_LEFT * above:  # of what explains little, no turn makes more
+            return False
+        return excess_of(there, floor) >= (KICK_LEFT if turn else WHOLE_LEFT) * above
 
-    whole = polished
-    # of what explains little, no turn of a tolerance makes more
-    for _ in range(KICKED if left < MOST_LEFT * above else 0):
-        if not is_open(whole.place, floor) or excess_of(whole.place, floor) < KICK_LEFT * above:
-            break
-        kicked = polish_kicked(whole, free, jobs, worth)
-        if kicked is None:
-            break
-        whole = kicked
-    if is_open(whole.place, floor) and excess_of(whole.place, floor) >= WHOLE_LEFT * above:
-        whole = polish_whole(whole, free, jobs, worth)
+    whole = led_whole(
+        polished, lambda beside: freed(beside, known), jobs, worth, worth, goes_on, WHOLE_STEPS
+    )
     before = place.stage.judged(place.fitted, cause)
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:

@@ -13,6 +13,7 @@ from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.diagnosis.verdict import evidence_of
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Deviation
 
@@ -61,6 +62,8 @@ def locked(context: Context, place: Beside, tried: list[Tried], jobs: int = 1) -
         return tried
     first = max((hunting, ripple), key=lambda t: t.gain)
     if first.gain < CLOSE * max(t.gain for t in tried):
+        return tried
+    if evidence_of(first.proposal, first.gain) <= 0.0:  # what is no effect has no lock
         return tried
     frame, direction = place.stage.observation.frame, context.setting.experiment.direction
     in_time = as_locked(first.proposal, HUNTING, frame, direction)
