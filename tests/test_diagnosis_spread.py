@@ -235,17 +235,23 @@ def test_a_frame_of_another_damping_may_have_another_frequency(monkeypatch):
     assert high > 7.3
 
 
-def test_a_frames_interval_holds_the_frequencies_that_it_may_have(monkeypatch):
+@pytest.mark.parametrize(('near', 'low', 'high'), [(None, 6.4, 7.1), ((6.1, 7.3), 6.1, 7.3)])
+def test_a_frames_interval_holds_the_frequencies_that_it_may_have(monkeypatch, near, low, high):
     monkeypatch.setattr(spread, 'without_own', lambda stage, _: stage)
     monkeypatch.setattr(spread, 'apply', lambda _machine, deviations: deviations)
     monkeypatch.setattr(spread, 'replace', replaced)
     monkeypatch.setattr(spread, 'possible_frequencies', lambda *_: (6.4, 7.1))
     numbers = {'frequency_hz': 7.0, 'damping_ratio': 0.02, 'modal_mass_kg': 4500.0}
     frame = Found(
-        Proposal('truss_resonance', {}, numbers, 9.0), 1.0, {'frequency_hz': 1e-3}, 9.0, ()
+        Proposal('truss_resonance', {}, numbers, 9.0),
+        1.0,
+        {'frequency_hz': 1e-3},
+        9.0,
+        (),
+        near=near,
     )
     after = SimpleNamespace(stage=Stage(lambda _: 0.0), model=0.75)
     (found,) = spread.with_reach(SimpleNamespace(machine=None), after, [frame])
     row = told(found, 0.9)['parameters']['frequency_hz']
-    assert row['low'] <= 6.4
-    assert 7.1 <= row['high'] < 7.4
+    assert low - 0.3 < row['low'] <= low
+    assert high <= row['high'] < high + 0.3

@@ -55,6 +55,8 @@ class Found:
         All that was weighed with it, best first.
     reach : mapping of parameter to (float, float)
         In the place of ``sd``, to lower and to higher values.
+    near : (float, float) or None
+        See `Tried`.
     """
 
     proposal: Proposal
@@ -63,6 +65,7 @@ class Found:
     gain: float
     rivals: tuple[Weighed, ...]
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    near: tuple[float, float] | None = None
 
 
 def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float) -> bool:

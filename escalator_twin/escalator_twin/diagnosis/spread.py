@@ -90,6 +90,7 @@ def with_reach(
         if one.proposal.cause == cause:
             own = one.proposal.parameters[key]
             low, high = possible_frequencies(beside(k), before, one.proposal, jobs)
+            low, high = min(low, *(one.near or (own,))), max(high, *(one.near or (own,)))
             below, above = (own - low) / NORMAL_95, (high - own) / NORMAL_95
             least = one.sd.get(key, 0.0)
             reach[key] = max(below, least), max(above, least)

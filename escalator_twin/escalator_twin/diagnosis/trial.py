@@ -17,6 +17,7 @@ from escalator_twin.diagnosis.fitting import (
 )
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import freed
+from escalator_twin.diagnosis.frequencies import from_other_frequencies
 from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, tried_from_afar, Worth
 from escalator_twin.diagnosis.lengths import from_far
 from escalator_twin.diagnosis.loops import LOCAL
@@ -115,7 +116,8 @@ def try_all(
     tried = shared(place, locked(context, place, fitted_again + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
     tried = _locked_better(known, tried, jobs)
-    tried[:1] = [from_far(context, place, known, t, jobs) for t in tried[:1]]
+    for farther in (from_far, from_other_frequencies):
+        tried[:1] = [farther(context, place, known, t, jobs) for t in tried[:1]]
     settled = [_settled(place, known, t, jobs) if k == 0 else t for k, t in enumerate(tried)]
     if settled[:1] == tried[:1] or settled[0].proposal.cause not in DRIVE:
         return settled

@@ -19,9 +19,12 @@ class Tried:
     sd : mapping of parameter to float
     polished : Polished or None
         Where it was fitted together with the tolerances and the known effects, these first.
+    near : (float, float) or None
+        Lowest and highest frequency of a frame that fits nearly as well, Hz, see `frequencies`.
     """
 
     proposal: Proposal
     gain: float
     sd: dict[str, float]
     polished: Polished | None = None
+    near: tuple[float, float] | None = None

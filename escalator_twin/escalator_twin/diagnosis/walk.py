@@ -190,7 +190,9 @@ def walk(
             break
         match = next((t for t in tried if t.proposal is top.proposal), None)
         sd = match.sd if match is not None else dict(top.proposal.sd)
-        found.append(Found(top.proposal, top.probability, sd, top.gain, tuple(weighed)))
+        near = match.near if match is not None else None
+        rivals = tuple(weighed)
+        found.append(Found(top.proposal, top.probability, sd, top.gain, rivals, near=near))
         polished = None if match is None else match.polished
         if polished is None:
             polished = bench.again(context, place, [*start, *(f.proposal for f in found)], jobs)
