@@ -195,6 +195,10 @@ def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypat
     monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
     monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
     monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
+    followed = []
+    monkeypatch.setattr(
+        trial, 'from_other_frequencies', lambda *given: followed.append(given[3]) or given[3]
+    )
     context = Held(None, Held({}))
     afar = Afar(context, nominal, []) if is_afar else None
     found = trial.try_all(context, tuned, [], [FRAME], 1, afar)
@@ -203,6 +207,7 @@ def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypat
     assert proposal.parameters['frequency_hz'] == 6.8
     assert turned == ({} if is_afar else None)  # no tolerance turned, or as they were tuned
     assert [t.proposal for t in found] == [proposal]
+    assert followed == found  # along its frequency, before it is named
 
 
 @pytest.mark.issue(6)
@@ -232,8 +237,13 @@ def test_a_frame_that_shows_beside_tuned_tolerances_alone_is_fitted_there(
     monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
     monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
     monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)
+    followed = []
+    monkeypatch.setattr(
+        trial, 'from_other_frequencies', lambda *given: followed.append(given[3]) or given[3]
+    )
     found = trial.try_all(
         Held(None), place, [], [replace(FRAME, gain=gain)], 1, Afar(None, place, [])
     )
     assert (found[0].proposal.cause == 'truss_resonance') is is_found
+    assert [t.proposal for t in followed] == [found[0].proposal]
     assert (found[0].proposal.parameters == {'frequency_hz': 5.7}) is is_found
