@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.campaign import (
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.leftovers import names_all, repeated_by
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.speeds import KNOB, law_of
 from escalator_twin.diagnosis.telling import told
@@ -99,16 +100,25 @@ def diagnose_together(
         chosen = choose_scouts(experiments)
         others = [k for k in range(n) if k not in chosen]
         total = SEARCH_COST * len(chosen) + len(others)
-        scouts: list[Diagnosis] = []
-        for some in (chosen[:FIRST], chosen[FIRST:]):
-            suggested = shared_by(scouts) if scouts else []
+
+        def searched(some: Sequence[int], suggested: Sequence[Proposal]) -> list[Diagnosis]:
             # each with all jobs: one may end long before the other, and two are fewer than many cores
             search = partial(
                 diagnose_bag, machine_path=machine_path, seed=seed, jobs=jobs, suggested=suggested
             )
+            found = []
             for scout in pool.map(search, [paths[k] for k in some]):
-                scouts.append(scout)
+                found.append(scout)
                 tell(SEARCH_COST, total)
+            return found
+
+        scouts = searched(chosen[:FIRST], [])
+        repeated = repeated_by(scouts)
+        later = searched(chosen[FIRST:], [*shared_by(scouts), *repeated])
+        if later and all(names_all(scout, repeated) for scout in later) and repeated:
+            total += SEARCH_COST * FIRST
+            scouts = searched(chosen[:FIRST], shared_by(later))
+        scouts += later
         groups = union_of(scouts)
         effects = [group[0][0].proposal for group in groups]
         confirmed: list[Confirmed] = []

@@ -67,6 +67,8 @@ class Diagnosis:
         What would change the verdict.
     rolled : Rolled or None
         What the recording says of its rollers, by which several speeds are compared.
+    left : Found or None
+        See `Walked`.
     """
 
     document: dict[str, Any]
@@ -80,6 +82,7 @@ class Diagnosis:
     residual: dict[str, Any] = field(default_factory=dict)
     would_change: list[str] = field(default_factory=list)
     rolled: Rolled | None = None
+    left: Found | None = None
 
 
 @one_thread_each
@@ -149,6 +152,7 @@ def diagnose_recording(
         rolled(walked.after, [(f.proposal, f.sd) for f in walked.found])
         if bench is LINKED
         else None,
+        walked.left,
     )
 
 

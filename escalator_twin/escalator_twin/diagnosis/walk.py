@@ -63,12 +63,15 @@ class Walked:
         The machine as described, and with the effects.
     weighed : tuple of Weighed
         The candidates of the last round, which accepted none.
+    left : Found or None
+        An effect of the last round that is no more than what an accepted law may leave.
     """
 
     found: tuple[Found, ...]
     before: Beside
     after: Beside
     weighed: tuple[Weighed, ...]
+    left: Found | None = None
 
 
 @dataclass(frozen=True)
@@ -135,6 +138,7 @@ def walk(
         if found:
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
+    left: Found | None = None
     for _ in range(MOST_ROUNDS):
         bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
         is_left = bounds.is_open or bounds.is_hidden
@@ -154,6 +158,7 @@ def walk(
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
         if not any(bounds.may_stand(p) for p in sought_all):
             weighed = weigh(candidates(proposals, []))
+            left = _left(weighed, [])
             break
         chosen = [
             p for p in choose(proposals) if bounds.may_stand(p) and not is_hopeless(p, proposals)
@@ -185,14 +190,12 @@ def walk(
         top = weighed[0]
         cause = top.proposal.cause
         if bounds.is_left_over(cause, top.gain):
+            left = _left(weighed, tried)
             break
         if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
-        match = next((t for t in tried if t.proposal is top.proposal), None)
-        sd = match.sd if match is not None else dict(top.proposal.sd)
-        near = match.near if match is not None else None
-        rivals = tuple(weighed)
-        found.append(Found(top.proposal, top.probability, sd, top.gain, rivals, near=near))
+        match = _match(top, tried)
+        found.append(_found(weighed, match))
         polished = None if match is None else match.polished
         if polished is None:
             polished = bench.again(context, place, [*start, *(f.proposal for f in found)], jobs)
@@ -204,7 +207,26 @@ def walk(
             say(f'{len(found)} effects explain {explained:.3f}')
         if is_in_vain(found, explained, MOST_EFFECTS - len(found)):
             break
-    return Walked(tuple(found), before, place, tuple(weighed))
+    return Walked(tuple(found), before, place, tuple(weighed), left)
+
+
+def _match(top: Weighed, tried: Sequence[Tried]) -> Tried | None:
+    return next((t for t in tried if t.proposal is top.proposal), None)
+
+
+def _found(weighed: Sequence[Weighed], match: Tried | None) -> Found:
+    """Return the best of what was weighed, with what its own fit says of it where it was fitted."""
+    top = weighed[0]
+    sd = match.sd if match is not None else dict(top.proposal.sd)
+    near = match.near if match is not None else None
+    return Found(top.proposal, top.probability, sd, top.gain, tuple(weighed), near=near)
+
+
+def _left(weighed: Sequence[Weighed], tried: Sequence[Tried]) -> Found | None:
+    """Return the best of what was weighed where it would be an effect, were it alone."""
+    if not weighed or weighed[0].probability < ACCEPT:
+        return None
+    return _found(weighed, _match(weighed[0], tried))
 
 
 def _confirmed(polished: Polished, first: int, suggested: Sequence[Proposal]) -> list[Found]:

@@ -1,0 +1,60 @@
+"""What several recordings leave in one form.
+
+In one recording, what little an accepted effect leaves may be its own law's error. That error has no
+reason to look like one other effect of one size at other speeds, loads and preloads: what does is
+suggested to the recordings that are searched next, and named where they have it as well.
+"""
+
+from collections.abc import Sequence
+
+from escalator_twin.diagnosis.campaign import LEAST_PART, pooled, SURE_SD
+from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
+from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.verdict import LAW_ERROR, neutral_of
+
+# Of what the strongest effect explains: a law that is off by so many of its standard deviations.
+BEYOND_LAW = (SURE_SD * LAW_ERROR) ** 2
+
+
+def repeated_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
+    """Return the effect that all searches leave at one place and of one size, if there is one.
+
+    Parameters
+    ----------
+    scouts : sequence of Diagnosis
+        Searched with nothing suggested.
+
+    Returns
+    -------
+    effects : list of Proposal
+        None or one, with the numbers of all.
+    """
+    rows = [scout.left for scout in scouts if scout.left is not None]
+    if len(rows) < max(len(scouts), 2):
+        return []
+    first = rows[0].proposal
+    if not of_machine(first) or not first.fitted or 'phase_rad' in first.parameters:
+        return []
+    if not all(same_place(first, row.proposal) for row in rows):
+        return []
+    if not all(_is_beyond(row, scout) for row, scout in zip(rows, scouts, strict=True)):
+        return []
+    joint = pooled([(row.proposal, row.sd) for row in rows]).proposal
+    key = first.fitted[0]
+    neutral = neutral_of(first.cause, key)
+    mean = joint.parameters[key] - neutral
+    ways = [(row.proposal.parameters[key] - neutral) / mean for row in rows]
+    return [joint] if all(LEAST_PART < way < 1.0 / LEAST_PART for way in ways) else []
+
+
+def names_all(scout: Diagnosis, effects: Sequence[Proposal]) -> bool:
+    """Tell whether a search names all of some effects."""
+    named = [found.proposal for found, probability in scout.found if probability >= NAMED]
+    return all(any(same_place(effect, one) for one in named) for effect in effects)
+
+
+def _is_beyond(left: Found, scout: Diagnosis) -> bool:
+    """Tell whether an effect explains more than the errors of the laws of all that were accepted."""
+    return all(left.gain >= BEYOND_LAW * found.gain for found, _ in scout.found)
