@@ -25,7 +25,7 @@ test: setup
 	@. tools/env.sh
 	export PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
 	exec .venv/bin/python -m pytest -p pytest_timeout -p xdist.plugin -n $(TEST_JOBS) --dist loadfile \
-	    --timeout=600 tests $(PYTEST_ARGS)
+	    --no-loadscope-reorder --timeout=600 tests $(PYTEST_ARGS)
 
 # The tests that take minutes as well.
 test-long: setup

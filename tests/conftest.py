@@ -1,5 +1,6 @@
 """What every test run needs: markers, the tests that cannot run here, and a ROS domain of its own."""
 
+from collections import Counter
 import fcntl
 import importlib.util
 import os
@@ -73,6 +74,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for marker, reason in reasons.items():
             if item.get_closest_marker(marker):
                 item.add_marker(pytest.mark.skip(reason=reason))
+    # Files run whole, two at a time: those with slow tests first, or one of them is left running alone at the end.
+    slow = Counter(
+        item.path
+        for item in items
+        if item.get_closest_marker('slow') and not item.get_closest_marker('skip')
+    )
+    items.sort(key=lambda item: -slow[item.path])
 
 
 @pytest.fixture(scope='session')

@@ -126,6 +126,7 @@ def recorded(tmp_path_factory, machine):
     return replace(found, nominal=Nominal(beside(found, steps=0), found.responses)), whole
 
 
+@pytest.mark.slow
 def test_the_second_effect_stands_out_from_the_machine_with_the_first(recorded):
     context, landing_m = recorded
     # as far off as the first is found where the second is not known

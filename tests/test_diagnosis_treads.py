@@ -54,6 +54,7 @@ def searched(tmp_path, made, seed):
     return Search(view, place.fitted, place.stage, place.model, 2), effect
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('index', 'cause', 'family', 'key'), MADE)
 def test_a_tread_is_found_with_size_and_phase_before_it_is_run(
     tmp_path, index, cause, family, key
@@ -95,6 +96,7 @@ def test_orders_of_a_spot_are_told_from_fewer_phases(sense):
     np.testing.assert_allclose(found, orders, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
     # slow and empty: a bump a third as long does another thing, on the other side of the joint the opposite
     made = plan(13, 141101, 1, ['guide_step'], ('reference',))

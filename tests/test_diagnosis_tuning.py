@@ -50,6 +50,7 @@ def sigmas(truth, machine):
 # Of the floor's calibration set the one that a search by slopes alone leaves farthest off; and one whose
 # contacts are 9 % stiffer, which moves a resonance: beside the shifts that the first model's alignment
 # leaves, every other stiffness seemed worse.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('seed', 'index', 'cause'), [(71001, 10, 'clean'), (131101, 20, 'mains_hum')]
 )
