@@ -207,9 +207,15 @@ def polish_whole(
     """
     effects, place, spreads = polished.effects, polished.place, polished.sd
     fit_one = JointFit(polished.context, (), free)
+    before = None
     for _ in range(steps):
-        fit_one = fit_one.taken_whole(place, effects, jobs)
-        place = fit_one.beside(effects, place.stage.turned)
+        turned = place.stage.turned
+        if before is None:
+            fit_one = fit_one.taken_whole(place, effects, jobs)
+        else:
+            fit_one = fit_one.by_secant(*before, turned)
+        place = fit_one.beside(effects, turned)
+        before = (place, effects)
         white = fit_one.columns(place, effects, jobs)
         spreads = fit_one.spreads(place, effects, white)
         trial = fit_one.step(place, effects, white)
