@@ -48,6 +48,17 @@ def test_what_one_search_leaves_otherwise_is_nothing(left):
     assert repeated_by([scout(spring(1.4)), scout(left)]) == []
 
 
+def test_sizes_that_are_each_others_opposite_are_nothing():
+    def landing(delta):
+        where: dict[str, object] = {'which': 'upper'}
+        sizes = {'delta_m': delta}
+        proposal = Proposal('landing_length', where, sizes, 400.0, fitted=('delta_m',))
+        return Found(proposal, 0.99, {'delta_m': 1e-4}, 400.0, ())
+
+    assert repeated_by([scout(landing(6e-3)), scout(landing(-6e-3))]) == []
+    assert len(repeated_by([scout(landing(6e-3)), scout(landing(6e-3))])) == 1
+
+
 def test_one_search_repeats_nothing():
     assert repeated_by([scout(spring(1.4))]) == []
     assert repeated_by([]) == []

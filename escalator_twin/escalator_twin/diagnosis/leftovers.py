@@ -45,8 +45,10 @@ def repeated_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
     key = first.fitted[0]
     neutral = neutral_of(first.cause, key)
     mean = joint.parameters[key] - neutral
-    ways = [(row.proposal.parameters[key] - neutral) / mean for row in rows]
-    return [joint] if all(LEAST_PART < way < 1.0 / LEAST_PART for way in ways) else []
+    # as products: of two sizes that are each other's opposite the mean is none
+    ways = [(row.proposal.parameters[key] - neutral) * mean for row in rows]
+    square = mean * mean
+    return [joint] if all(LEAST_PART * square < w < square / LEAST_PART for w in ways) else []
 
 
 def names_all(scout: Diagnosis, effects: Sequence[Proposal]) -> bool:
