@@ -132,6 +132,19 @@ def test_recordings_that_cannot_tell_leave_it_to_the_scouts():
     assert joint.probability == pytest.approx(1.0 - 0.1 * 0.2)
 
 
+@pytest.mark.parametrize(
+    ('theirs', 'sd', 'recordings'),
+    [(8.0, 3.0, []), (110.0, 3.0, [2]), (20.0, 200.0, [1])],
+    ids=['has it not', 'has it', 'cannot tell'],
+)
+def test_a_search_that_does_not_name_an_effect_may_contradict_one_that_does(
+    theirs, sd, recordings
+):
+    groups = union_of([scout((found(drag()), 0.9)), scout()])
+    silent = [[(drag(theirs), {'force_N': sd})]]
+    assert [j.recordings for j in decide(groups, 2, [], silent)] == recordings
+
+
 @pytest.mark.parametrize(('theirs', 'accepted'), [(-4.0, True), (-0.5, False)])
 def test_a_turned_sensor_is_held_by_its_largest_angle(theirs, accepted):
     """The angle that is about none is found with either sign, and says nothing."""

@@ -126,3 +126,49 @@ def test_the_first_are_searched_again_where_the_later_have_it_as_well(holds, mon
     else:
         expected += [('all', [1, 1, 2, 1])]
     assert asked == expected
+
+
+@pytest.mark.parametrize(
+    ('second', 'expected'),
+    [
+        (FRICTION, []),
+        (None, [('b', ['tensioner_friction', 'gauge_gain'], [1, 0])]),
+    ],
+    ids=['named by both', 'named by one'],
+)
+def test_a_search_that_does_not_name_an_effect_of_the_machine_is_asked_for_it(
+    second, expected, monkeypatch
+):
+    """Of an instrument's fault, which may have come between the two, it is not."""
+    gauge = Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.1}, 900.0, fitted=('factor',))
+    asked = []
+
+    class EnoughError(Exception):
+        """All were asked."""
+
+    def search(path, **_):
+        effects = [FRICTION, gauge] if path == 'a' else [second] if second else []
+        found = [(Found(p, 0.99, {p.fitted[0]: 0.01}, p.gain, ()), 0.99) for p in effects]
+        return SimpleNamespace(found=tuple(found), left=None, rolled=None)
+
+    def confirm(path, effects, **_):
+        asked.append([path, [e.cause for e in effects]])
+        sds = tuple({e.fitted[0]: 0.01} for e in effects)
+        return SimpleNamespace(effects=tuple(effects), sd=sds, rolled=None)
+
+    def decide(_groups, _scouts, confirmed, silent):
+        assert confirmed == []
+        for row in asked:
+            row.append([len(rows) for rows in silent])
+        raise EnoughError
+
+    monkeypatch.setattr(campaign, 'ProcessPoolExecutor', Pool)
+    monkeypatch.setattr(campaign, 'experiment_of', lambda *_: None)
+    monkeypatch.setattr(campaign, 'load_machine', lambda _: SimpleNamespace(tolerances={}))
+    monkeypatch.setattr(campaign, 'law_of', lambda *_: None)
+    monkeypatch.setattr(campaign, 'diagnose_bag', search)
+    monkeypatch.setattr(campaign, 'confirm_bag', confirm)
+    monkeypatch.setattr(campaign, 'decide', decide)
+    with pytest.raises(EnoughError):
+        campaign.diagnose_together(['a', 'b'], 'machine.yaml')
+    assert [tuple(row) for row in asked] == expected

@@ -96,6 +96,26 @@ def test_an_effect_that_is_dropped_beside_a_later_one_costs_no_round(walked):
     assert found == [friction, landing, gauge]
 
 
+def test_what_is_left_of_a_mirror_image_is_taken_out_and_the_rest_fitted_alone(walked):
+    mirrored = Proposal(
+        'roller_flat', {'axle': 16, 'side': 'right'}, {'depth_m': 3e-4}, 1.6e4, fitted=('depth_m',)
+    )
+    right = replace(mirrored, location={'axle': 16, 'side': 'left'}, gain=1.5e4)
+    given = iter([[mirrored], [right], []])
+    fits = []
+
+    def again(context, place, known, jobs):
+        fits.append([e.location['side'] for e in known])
+        both = len(known) == 2
+        sizes = {'right': 9e-5 if both else 3e-4, 'left': 4.9e-4 if both else 6e-4}
+        kept = [replace(e, parameters={'depth_m': sizes[e.location['side']]}) for e in known]
+        return Polished(context, place, tuple(kept), tuple({'depth_m': 3e-6} for _ in kept))
+
+    found = walked(lambda *_: next(given), again=again)
+    assert fits == [['right'], ['right', 'left'], ['left']]
+    assert found == [replace(right, parameters={'depth_m': 6e-4})]
+
+
 def test_one_gauge_creeps_once(walked):
     drift = Proposal('gauge_drift', {'link': 'right_a'}, {'strain': -9e-6, 'curvature': 3.5}, 9e3)
     again = replace(drift, parameters={'strain': -1e-6, 'curvature': 1.0}, gain=300.0)

@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.campaign import (
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.leftovers import names_all, repeated_by
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.speeds import KNOB, law_of
@@ -121,23 +122,31 @@ def diagnose_together(
         scouts += later
         groups = union_of(scouts)
         effects = [group[0][0].proposal for group in groups]
+        of_all = [effect for effect in effects if of_machine(effect)]
+        asked = [i for i, scout in enumerate(scouts) if not names_all(scout, of_all)]
+        total += len(asked)
+        beside = others + [chosen[i] for i in asked]
+        confirm = partial(confirm_bag, machine_path=machine_path, effects=effects, seed=seed)
         confirmed: list[Confirmed] = []
-        count = len(others)
-        for one in pool.map(
-            confirm_bag,
-            [paths[k] for k in others],
-            [machine_path] * count,
-            [effects] * count,
-            [seed] * count,
-        ):
+        for one in pool.map(confirm, [paths[k] for k in beside]):
             confirmed.append(one)
             tell(1.0, total)
+    confirmed, answers = confirmed[: len(others)], confirmed[len(others) :]
+    silent = [
+        [
+            (answer.effects[k], answer.sd[k])
+            for i, answer in zip(asked, answers, strict=True)
+            # an instrument may fail between two recordings
+            if of_machine(effect) and not names_all(scouts[i], [effect])
+        ]
+        for k, effect in enumerate(effects)
+    ]
     rolls = [s.rolled for s in scouts] + [c.rolled for c in confirmed]
     law = law_of(
         [one for one in rolls if one is not None],
         load_machine(machine_path).tolerances.get(KNOB, 0.0),
     )
-    joint = by_speed(decide(groups, len(scouts), confirmed), law, seed)
+    joint = by_speed(decide(groups, len(scouts), confirmed, silent), law, seed)
     faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
     rows: dict[int, dict[str, Any]] = {
         k: {**_searched(s), 'searched': True} for k, s in zip(chosen, scouts, strict=True)

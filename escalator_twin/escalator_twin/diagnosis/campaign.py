@@ -3,7 +3,7 @@
 A few recordings, as different as the plan of experiments has them, are searched in full: the
 scouts; what all of the first ones name is suggested to the others, which fit it and look for more. What
 they name is put beside every other recording as it is, which proves it on data that no fit has
-seen, and refines its size.
+seen, and refines its size; and beside every scout that does not name it, which may contradict.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,6 +36,10 @@ CONFIRMED = 0.98
 DRAWS = 2000
 # Where the carriage rests is a matter of the machine's own lengths, in all of its recordings alike.
 COMMON = ('displacement_m',)
+
+Sized = tuple[
+    Proposal, Mapping[str, float]
+]  # an effect as one recording has it, standard deviations
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ def union_of(scouts: Sequence[Diagnosis]) -> list[list[tuple[Found, float]]]:
     return sorted(groups, key=lambda g: (-len(g), -g[0][1]))
 
 
-def pooled(rows: Sequence[tuple[Proposal, Mapping[str, float]]]) -> Found:
+def pooled(rows: Sequence[Sized]) -> Found:
     """Return one effect from what several recordings make of its numbers.
 
     Parameters
@@ -172,8 +176,9 @@ def decide(
     groups: Sequence[Sequence[tuple[Found, float]]],
     n_scouts: int,
     confirmed: Sequence[Confirmed],
+    silent: Sequence[Sequence[Sized]] = (),
 ) -> list[Joint]:
-    """Accept what the scouts name where it holds in the other recordings as well.
+    """Accept what some scouts name where it holds in the other recordings as well.
 
     Parameters
     ----------
@@ -182,11 +187,13 @@ def decide(
     n_scouts : int
     confirmed : sequence of Confirmed
         The other recordings, their effects in the groups' order.
+    silent : sequence of sequences of (proposal, standard deviations), optional
+        Of each group, what it comes to in the scouts that do not name it.
     """
     accepted = []
     for k, group in enumerate(groups):
         scouts = [(f.proposal, f.sd) for f, _ in group]
-        others = [(c.effects[k], c.sd[k]) for c in confirmed]
+        others = [(c.effects[k], c.sd[k]) for c in confirmed] + list(silent[k] if silent else ())
         missing = float(np.prod([1.0 - min(p, 0.99) for _, p in group]))
         probability = 1.0 - missing
         verdict = _held(pooled(scouts).proposal, others) if others else None
@@ -203,7 +210,7 @@ def decide(
     return sorted(accepted, key=lambda j: -j.probability)
 
 
-def _held(scouts: Proposal, others: Sequence[tuple[Proposal, Mapping[str, float]]]) -> bool | None:
+def _held(scouts: Proposal, others: Sequence[Sized]) -> bool | None:
     """Tell whether other recordings find an effect as well; None where they cannot tell."""
     key = _largest(scouts)
     sized = [(p, sd) for p, sd in others if sd.get(key, 0.0) > 0.0]

@@ -28,6 +28,7 @@ from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
@@ -200,7 +201,13 @@ def walk(
         if polished is None:
             polished = bench.again(context, place, [*start, *(f.proposal for f in found)], jobs)
         context, place = polished.context, polished.place
-        found = [f for f in refitted(found, polished) if not _is_gone(f.proposal)]
+        found = refitted(found, polished)
+        kept = without_remnants(found)
+        if len(kept) < len(found):
+            polished = bench.again(context, place, [*start, *(f.proposal for f in kept)], jobs)
+            context, place = polished.context, polished.place
+            found = refitted(kept, polished)
+        found = [f for f in found if not _is_gone(f.proposal)]
         place = freed(place, [*start, *(f.proposal for f in found)])
         explained = explained_by(before, place, context.floor)
         if say is not None:
