@@ -104,7 +104,7 @@ def test_what_is_left_of_a_mirror_image_is_taken_out_and_the_rest_fitted_alone(w
     given = iter([[mirrored], [right], []])
     fits = []
 
-    def again(context, place, known, jobs):
+    def again(context, place, known, _):
         fits.append([e.location['side'] for e in known])
         both = len(known) == 2
         sizes = {'right': 9e-5 if both else 3e-4, 'left': 4.9e-4 if both else 6e-4}
