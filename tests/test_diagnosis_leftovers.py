@@ -156,7 +156,7 @@ def test_a_search_that_does_not_name_an_effect_of_the_machine_is_asked_for_it(
         sds = tuple({e.fitted[0]: 0.01} for e in effects)
         return SimpleNamespace(effects=tuple(effects), sd=sds, rolled=None)
 
-    def decide(_groups, _scouts, confirmed, silent):
+    def decide(_groups, _scouts, confirmed, silent, _together):
         assert confirmed == []
         for row in asked:
             row.append([len(rows) for rows in silent])
@@ -167,6 +167,7 @@ def test_a_search_that_does_not_name_an_effect_of_the_machine_is_asked_for_it(
     monkeypatch.setattr(campaign, 'load_machine', lambda _: SimpleNamespace(tolerances={}))
     monkeypatch.setattr(campaign, 'law_of', lambda *_: None)
     monkeypatch.setattr(campaign, 'diagnose_bag', search)
+    monkeypatch.setattr(campaign, 'fit_bags', lambda *_: None)
     monkeypatch.setattr(campaign, 'confirm_bag', confirm)
     monkeypatch.setattr(campaign, 'decide', decide)
     with pytest.raises(EnoughError):

@@ -1,7 +1,7 @@
 """Diagnose several recordings of one machine: some searched in full, the others as their proof."""
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -19,19 +19,25 @@ from escalator_twin.diagnosis.campaign import (
     union_of,
 )
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
+from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
+from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.leftovers import names_all, repeated_by
+from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.speeds import KNOB, law_of
 from escalator_twin.diagnosis.telling import told
+from escalator_twin.diagnosis.together import fitted_together, Groups, is_worth_it, Together
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.machine import load_machine
 from escalator_twin.signals import Experiment
+from escalator_twin.threads import one_thread_each
 
 MOST_CANDIDATES = 40
-SEARCH_COST = 3.0  # of a full search, in confirmations: for the progress alone
+# Of a full search, and of the fit of all searched recordings together, in confirmations: for the progress alone.
+SEARCH_COST, TOGETHER_COST = 3.0, 3.0
 Progress = Callable[[float, float], None]
 
 
@@ -49,10 +55,36 @@ def diagnose_bag(
     return diagnose_recording(recording, machine, seed, jobs, progress, suggested)
 
 
-def confirm_bag(path: str, machine_path: str, effects: list[Proposal], seed: int) -> Confirmed:
-    """Put effects beside one more recording."""
+def confirm_bag(
+    path: str,
+    machine_path: str,
+    effects: list[Proposal],
+    seed: int,
+    shared: Mapping[str, float] | None = None,
+) -> Confirmed:
+    """Put effects beside one more recording; see `confirm_recording`."""
     machine = load_machine(machine_path)
-    return confirm_recording(bagfile.read(path, machine), machine, effects, seed)
+    return confirm_recording(bagfile.read(path, machine), machine, effects, seed, shared)
+
+
+@one_thread_each
+def fit_bags(
+    paths: Sequence[str],
+    machine_path: str,
+    scouts: Sequence[Diagnosis],
+    groups: Groups,
+    jobs: int = 1,
+) -> Together | None:
+    """Fit what searches name to all of their recordings; see `fitted_together`."""
+    machine = load_machine(machine_path)
+    floor = load_floor(machine)
+
+    def context_of(path: str) -> Context:
+        return prepare_tolerances(bagfile.read(path, machine), machine, floor)
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        contexts = list(pool.map(context_of, paths))
+    return fitted_together(contexts, scouts, groups, jobs)
 
 
 def experiment_of(path: str, machine_path: str) -> Experiment | None:
@@ -121,12 +153,26 @@ def diagnose_together(
             scouts = searched(chosen[:FIRST], shared_by(later))
         scouts += later
         groups = union_of(scouts)
-        effects = [group[0][0].proposal for group in groups]
+        together = None
+        if is_worth_it(groups, len(scouts)):
+            total += TOGETHER_COST
+            together = fit_bags([paths[k] for k in chosen], machine_path, scouts, groups, jobs)
+            tell(TOGETHER_COST, total)
+        sized = together.effects if together else {}
+        effects = [
+            sized[k][0] if k in sized else group[0][0].proposal for k, group in enumerate(groups)
+        ]
         of_all = [effect for effect in effects if of_machine(effect)]
         asked = [i for i, scout in enumerate(scouts) if not names_all(scout, of_all)]
         total += len(asked)
         beside = others + [chosen[i] for i in asked]
-        confirm = partial(confirm_bag, machine_path=machine_path, effects=effects, seed=seed)
+        confirm = partial(
+            confirm_bag,
+            machine_path=machine_path,
+            effects=effects,
+            seed=seed,
+            shared=together.turned if together else None,
+        )
         confirmed: list[Confirmed] = []
         for one in pool.map(confirm, [paths[k] for k in beside]):
             confirmed.append(one)
@@ -146,7 +192,10 @@ def diagnose_together(
         [one for one in rolls if one is not None],
         load_machine(machine_path).tolerances.get(KNOB, 0.0),
     )
-    joint = by_speed(decide(groups, len(scouts), confirmed, silent), law, seed)
+    accepted = decide(groups, len(scouts), confirmed, silent, sized)
+    if together and not together.holds(accepted, groups):
+        accepted = decide(groups, len(scouts), confirmed, silent)
+    joint = by_speed(accepted, law, seed)
     faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
     rows: dict[int, dict[str, Any]] = {
         k: {**_searched(s), 'searched': True} for k, s in zip(chosen, scouts, strict=True)

@@ -8,7 +8,7 @@ seen, and refines its size; and beside every scout that does not name it, which 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, log
+from math import exp, isfinite, log
 from typing import Any
 
 import numpy as np
@@ -177,6 +177,7 @@ def decide(
     n_scouts: int,
     confirmed: Sequence[Confirmed],
     silent: Sequence[Sequence[Sized]] = (),
+    together: Mapping[int, Sized] | None = None,
 ) -> list[Joint]:
     """Accept what some scouts name where it holds in the other recordings as well.
 
@@ -189,6 +190,8 @@ def decide(
         The other recordings, their effects in the groups' order.
     silent : sequence of sequences of (proposal, standard deviations), optional
         Of each group, what it comes to in the scouts that do not name it.
+    together : mapping of int to (proposal, spread), optional
+        By group, what was fitted to all scouts at once: in the place of a mean. It is told to be no surer.
     """
     accepted = []
     for k, group in enumerate(groups):
@@ -202,12 +205,20 @@ def decide(
         if verdict:
             probability = max(probability, CONFIRMED)
         best = group[0][0]
-        found = replace(
-            pooled(scouts + others), probability=probability, gain=best.gain, rivals=best.rivals
-        )
+        found = pooled(scouts + others)
+        if together and k in together:
+            found = resized(found, *together[k])
+        found = replace(found, probability=probability, gain=best.gain, rivals=best.rivals)
         shows = len(group) + sum(_shows(p, sd) for p, sd in others)
         accepted.append(Joint(found, min(probability, 0.99), shows))
     return sorted(accepted, key=lambda j: -j.probability)
+
+
+def resized(found: Found, effect: Proposal, spread: Mapping[str, float]) -> Found:
+    """Return a pooled effect with the numbers of one fit to several recordings, and the wider spread of both."""
+    own = {key: by for key, by in spread.items() if isfinite(by)}
+    sd = {key: max(found.sd.get(key, 0.0), own.get(key, 0.0)) for key in effect.fitted}
+    return replace(found, proposal=effect, sd=sd)
 
 
 def _held(scouts: Proposal, others: Sequence[Sized]) -> bool | None:

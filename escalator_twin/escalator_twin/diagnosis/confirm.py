@@ -4,7 +4,7 @@ Nothing of the effects is fitted to it before it is judged: it is the held-out p
 numbers, and then says what its own would be.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import atan2, pi
 from typing import Any
@@ -17,6 +17,7 @@ from escalator_twin.diagnosis.context import (
     Beside,
     beside,
     Context,
+    quiet_chi2,
     with_own_tolerances,
 )
 from escalator_twin.diagnosis.drive import refine_wave
@@ -25,7 +26,7 @@ from escalator_twin.diagnosis.fitting import MOVES_RESONANCE, with_rest
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
-from escalator_twin.diagnosis.polish import increments
+from escalator_twin.diagnosis.polish import increments, polish
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -33,12 +34,12 @@ from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
-from escalator_twin.diagnosis.settling import led_whole, settled, TREADS
+from escalator_twin.diagnosis.settling import led_whole, MOST_STEPS, settled, TREADS
 from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.tuning import tuned
-from escalator_twin.diagnosis.unexplained import look, Unexplained
+from escalator_twin.diagnosis.unexplained import is_open, look, Unexplained
 from escalator_twin.diagnosis.view import View
 from escalator_twin.diagnosis.waves import DRIVE
 from escalator_twin.machine import Machine
@@ -81,7 +82,11 @@ class Confirmed:
 
 @one_thread_each
 def confirm_recording(
-    recording: Recording, machine: Machine, effects: Sequence[Proposal], seed: int = 0
+    recording: Recording,
+    machine: Machine,
+    effects: Sequence[Proposal],
+    seed: int = 0,
+    shared: Mapping[str, float] | None = None,
 ) -> Confirmed:
     """Put effects beside another recording.
 
@@ -94,6 +99,8 @@ def confirm_recording(
         Of machine and measurement, with the numbers that other recordings gave.
     seed : int
         Of the bootstrap.
+    shared : mapping of tolerance to float, optional
+        Standard deviations by which other recordings have the machine's turned beside the effects.
     """
     context = prepare_tolerances(recording, machine, load_floor(machine))
     experiment = context.setting.experiment
@@ -123,8 +130,13 @@ def confirm_recording(
     turned = {} if context is not plain_context else before.stage.turned
     stood_for = {str(e.nuisance) for e in own if e.nuisance}
     turned = {k: z for k, z in turned.items() if k not in stood_for}
-    if own:
+    near = _beside_shared(context, own, shared) if own and shared else None
+    if near is not None and not is_open(near[1], context.floor):
+        context, after = near
+    elif own:
         context, after = tuned(context, deviations, turned=turned, held=stood_for)
+        if near is not None and quiet_chi2(near[1]) < quiet_chi2(after):
+            context, after = near
     else:
         context, after = plain_context, before
     found = led_whole(settled(context, after, own, free), free)
@@ -155,6 +167,17 @@ def confirm_recording(
         {'before': split(context, before), 'after': split(context, after)},
         rolled(after, [told[k] for k in range(len(here))]),
     )
+
+
+def _beside_shared(
+    context: Context, effects: Sequence[Proposal], shared: Mapping[str, float]
+) -> tuple[Context, Beside]:
+    """Return the machine with effects, its tolerances fitted from where other recordings have them."""
+    deviations = tuple(e.deviation for e in effects)
+    near = with_own_tolerances(context, deviations, turned=shared)
+    fixed = [replace(e, fitted=()) for e in effects]
+    found = polish(near, fixed, shared, steps=MOST_STEPS, is_near=True)
+    return found.context, found.place
 
 
 def _wave(place: Beside, effect: Proposal) -> Refined:

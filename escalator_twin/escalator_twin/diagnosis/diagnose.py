@@ -10,7 +10,7 @@ from escalator_twin.comparison.judge import judge
 from escalator_twin.diagnosis.bodies.context import prepare as prepare_bodies
 from escalator_twin.diagnosis.bodies.running import whole_trace
 from escalator_twin.diagnosis.bodies.search import FREE_BODIES
-from escalator_twin.diagnosis.context import Context
+from escalator_twin.diagnosis.context import Context, quiet_chi2
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found, ONE_GAUGE
@@ -69,6 +69,8 @@ class Diagnosis:
         What the recording says of its rollers, by which several speeds are compared.
     left : Found or None
         See `Walked`.
+    level : float
+        Chi squared beside all that was found, in the channels that no rattling shakes.
     """
 
     document: dict[str, Any]
@@ -83,6 +85,7 @@ class Diagnosis:
     would_change: list[str] = field(default_factory=list)
     rolled: Rolled | None = None
     left: Found | None = None
+    level: float = 0.0
 
 
 @one_thread_each
@@ -153,6 +156,7 @@ def diagnose_recording(
         if bench is LINKED
         else None,
         walked.left,
+        quiet_chi2(walked.after),
     )
 
 

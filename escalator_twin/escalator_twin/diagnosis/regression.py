@@ -50,7 +50,10 @@ class Fitted:
 
     def without(self, index: int) -> 'Fitted':
         """Return the fit without one nuisance column; what the model holds of it stays there."""
-        keep = np.delete(np.arange(len(self.offset)), index)
+        return self.keeping(np.delete(np.arange(len(self.offset)), index))
+
+    def keeping(self, keep: np.ndarray) -> 'Fitted':
+        """Return the fit with some of the nuisance columns alone; what the model holds of others stays."""
         columns = self.columns[:, keep]
         gram, factor = _factored(self.gram[np.ix_(keep, keep)], lambda: columns)
         return Fitted(self.white, columns, gram, factor, self.projected[keep], self.offset[keep])

@@ -1,0 +1,331 @@
+"""Fit effects of a machine and its tolerances to several of its recordings together.
+
+Each recording by itself is fitted beside tolerances of its own, and where they make up for a part of an effect
+every one is off by another part: one chain of 0.15 mm a link was told as 0.127 to 0.218 mm, each to 5 %. But the
+tolerances are one machine's. Here they are turned in all recordings alike, and so is every size of an effect
+that does not hang on a recording; the rail's short waves, alignment, course, clocks and instruments stay each recording's
+own, and so do the tolerances of what was set for it.
+
+A step is that of Gauss and Newton on the sum of all recordings' chi squared, with what is a recording's own
+projected out (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from escalator_twin.diagnosis.context import Beside, Context, with_own_tolerances
+from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.joint import Free, JointFit, moved_all
+from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.normals import EFFECT, jackknife, Name, Normal, solve
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.refine import slope_of
+from escalator_twin.diagnosis.regression import Fitted, inner_products, swapped
+from escalator_twin.diagnosis.stage import LARGEST, Stage
+from escalator_twin.diagnosis.tuning import KICKS, WORTH_A_ROUND
+
+OWN = 'experiment.'  # tolerances of what was set for one recording: preload and load
+MOST_STEPS = 5  # of Gauss and Newton; after four the next gained 0.02 % (seed 251114, development)
+SHARES = (1.0, 0.4, 0.15)  # of a step that are tried
+SETTLED = 3.0  # chi squared: a step that gains less is the last one
+
+One = TypeVar('One')
+Other = TypeVar('Other')
+
+
+@dataclass(frozen=True)
+class Part:
+    """One recording in the fit.
+
+    Attributes
+    ----------
+    context : Context
+        With what tolerances and rail do to the machine as described.
+    effects : tuple of Proposal
+        That act on the machine as a whole, in all recordings the same.
+    own : tuple of Proposal
+        More of the machine, whose numbers stay: of one link, axle or step, waves of the drive.
+    free : callable or None
+        Frees the nuisance that effects of the measurement stand for.
+    """
+
+    context: Context
+    effects: tuple[Proposal, ...]
+    own: tuple[Proposal, ...] = ()
+    free: Free | None = None
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Effects and tolerances that fit several recordings together.
+
+    Attributes
+    ----------
+    effects : tuple of Proposal
+        The shared ones, with the fitted numbers.
+    turned : mapping of tolerance to float
+        Standard deviations, in all recordings alike.
+    spread : tuple of mapping of parameter to float
+        Of each effect: by how much its numbers move as each recording in turn is left out (jackknife).
+    levels : tuple of float
+        Chi squared of every recording, in its quiet channels.
+    """
+
+    effects: tuple[Proposal, ...]
+    turned: Mapping[str, float]
+    spread: tuple[dict[str, float], ...]
+    levels: tuple[float, ...]
+
+
+def is_shared(effect: Proposal) -> bool:
+    """Tell whether an effect has one size in all recordings, and acts on the machine as a whole."""
+    return effect.cause not in LOCAL | SHAKING and bool(effect.fitted)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """All recordings beside one machine."""
+
+    fits: tuple[JointFit, ...]  # with what the tolerances do
+    own: tuple[tuple[Proposal, ...], ...]  # effects of every recording, whose numbers stay
+    effects: tuple[Proposal, ...]
+    turned: Mapping[Name, float]
+    places: tuple[Beside, ...]
+    levels: tuple[float, ...]
+
+    @property
+    def level(self) -> float:
+        """Chi squared of all recordings, and the tolerances' own once."""
+        return sum(self.levels) + _squares(self.turned)
+
+    def of(self, r: int) -> tuple[Proposal, ...]:
+        """Return all effects of a recording."""
+        return (*self.effects, *self.own[r])
+
+
+@dataclass(frozen=True)
+class _Line:
+    """One recording's chi squared about a point, to first order in the unknowns."""
+
+    stage: Stage  # lean: on which more tolerances are turned at little cost
+    fitted: Fitted  # beside what is the recording's own
+    columns: np.ndarray  # (m, k) float32, whitened: what every unknown does
+    names: tuple[Name, ...]
+
+    def normal(self, fitted: Fitted) -> Normal:
+        right, gram = inner_products(fitted, self.columns)
+        return Normal(self.names, right, gram)
+
+
+def fit_together(parts: Sequence[Part], jobs: int = 1, rounds: int = len(KICKS)) -> Shared:
+    """Fit the shared effects and the tolerances to all recordings.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    jobs : int
+        Recordings at a time.
+    rounds : int
+        In which a tolerance is turned far, to leave a hollow.
+
+    Raises
+    ------
+    EscalatorError
+        Where a machine cannot be run.
+    """
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        return _Fit(pool).found(parts, rounds)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """What stays the same over the steps."""
+
+    pool: ThreadPoolExecutor
+
+    def each(self, do: Callable[..., Other], *rows: Sequence[One]) -> list[Other]:
+        return list(self.pool.map(do, *rows))
+
+    def found(self, parts: Sequence[Part], rounds: int) -> Shared:
+        fits = self.each(_with_rails, parts)
+        start = _Point(
+            tuple(fits), tuple(part.own for part in parts), parts[0].effects, {}, (), ()
+        )
+        point = self.run(start)
+        point, lines = self.descend(point)
+        for kick in KICKS[:rounds]:
+            turned = self.kicked(point, lines, kick)
+            if turned is None:
+                break
+            other, others = self.descend(self.run(replace(point, turned=turned)))
+            if other.level < point.level:
+                point, lines = other, others
+        spread = jackknife([line.normal(line.fitted) for line in lines], point.turned)
+        return Shared(
+            point.effects,
+            {name[0]: z for name, z in point.turned.items() if len(name) == 1},
+            tuple(
+                {key: abs(slope_of(e, key)) * spread[EFFECT, str(k), key] for key in e.fitted}
+                for k, e in enumerate(point.effects)
+            ),
+            point.levels,
+        )
+
+    def run(self, point: _Point) -> _Point:
+        """Run every recording's machine, and align and fit what is its own."""
+
+        def beside(r: int) -> tuple[Beside, float]:
+            place = point.fits[r].beside(point.of(r), _of_recording(point.turned, r))
+            fitted, _ = _own_fit(place, point.effects)
+            return place, _level(place.stage, fitted)
+
+        rows = self.each(beside, range(len(point.fits)))
+        places, levels = zip(*rows, strict=True)
+        return replace(point, places=places, levels=levels)
+
+    def descend(self, point: _Point) -> tuple[_Point, list[_Line]]:
+        """Step down by slopes; return where that ends, and what the unknowns do about there."""
+        lines: list[_Line] = []
+        for k in range(MOST_STEPS):
+            if k:
+                point = self.taken_anew(point)
+            lines = self.each(_line, range(len(point.places)), [point] * len(point.places))
+            trial = self.step(point, lines)
+            if trial is None:
+                break
+            gained, point = point.level - trial.level, trial
+            if gained < SETTLED:
+                break
+        return point, lines
+
+    def taken_anew(self, point: _Point) -> _Point:
+        """Return the same point with what every tolerance does there."""
+
+        def anew(r: int) -> JointFit:
+            one = point.fits[r]
+            context = with_own_tolerances(
+                one.context,
+                one.deviations(point.of(r)),
+                turned=_of_recording(point.turned, r),
+                with_rails=False,
+            )
+            return replace(one, context=context)
+
+        return self.run(replace(point, fits=tuple(self.each(anew, range(len(point.fits))))))
+
+    def step(self, point: _Point, lines: Sequence[_Line]) -> _Point | None:
+        """Take the step of Gauss and Newton, or a part of it; None where none explains more."""
+        normals = [line.normal(line.fitted) for line in lines]
+        delta, _ = solve(normals, point.turned)
+        for share in SHARES:
+            way = {name: share * by for name, by in delta.items()}
+            effects, turned = _moved(point, way), _turned(point.turned, way)
+            trial = self.run(replace(point, effects=effects, turned=turned))
+            if trial.level < point.level:
+                return trial
+        return None
+
+    def kicked(self, point: _Point, lines: Sequence[_Line], by: float) -> dict[Name, float] | None:
+        """Return the tolerances with that one turned far which then explains most; None without gain.
+
+        All else is taken along by the slopes of where it was.
+        """
+        names = sorted({name for line in lines for name in line.names if len(name) == 1})
+        ways: list[dict[Name, float]] = [
+            {name: point.turned.get(name, 0.0) + z} for name in names for z in (-by, by)
+        ]
+        ways = [way for way in ways if all(abs(z) <= LARGEST for z in way.values())]
+
+        def level(way: Mapping[Name, float]) -> float:
+            turned: dict[Name, float] = {**point.turned, **way}
+            total, normals = _squares(turned), []
+            for r, line in enumerate(lines):
+                fitted = _trial(line, _of_recording(turned, r))
+                total += _level(line.stage, fitted)
+                normals.append(line.normal(fitted))
+            return total - solve(normals, turned)[1]
+
+        levels = self.each(level, ways)
+        best = int(np.argmin(levels))
+        if levels[best] > point.level - WORTH_A_ROUND:
+            return None
+        return {**point.turned, **ways[best]}
+
+
+def _with_rails(part: Part) -> JointFit:
+    """Return a recording's fit with what tolerances and rail do beside its effects."""
+    deviations = tuple(e.deviation for e in (*part.effects, *part.own))
+    return JointFit(with_own_tolerances(part.context, deviations), (), part.free)
+
+
+def _of_recording(turned: Mapping[Name, float], r: int) -> dict[str, float]:
+    """Return the tolerances as one recording has them."""
+    return {name[0]: z for name, z in turned.items() if name[1:] in ((), (str(r),))}
+
+
+def _squares(turned: Mapping[Name, float]) -> float:
+    return sum(z * z for z in turned.values())
+
+
+def _own_fit(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]]:
+    """Return the fit with what is the recording's own alone, and which columns are shared tolerances'."""
+    knobs = {knob.name for knob in place.stage.knobs}
+    stood_for = {e.nuisance for e in effects}
+    names = place.stage.nuisance.names
+    own = [k for k, name in enumerate(names) if name not in knobs]
+    shared = [k for k, name in enumerate(names) if name in knobs and name not in stood_for]
+    return place.fitted.keeping(np.array(own)), shared
+
+
+def _level(stage: Stage, fitted: Fitted) -> float:
+    return stage.level(fitted.left(), fitted.sizes + fitted.offset)
+
+
+def _line(r: int, point: _Point) -> _Line:
+    fit_one, place, effects = point.fits[r], point.places[r], point.of(r)
+    fitted, at = _own_fit(place, point.effects)
+    sized = (*point.effects, *(replace(e, fitted=()) for e in point.own[r]))
+    columns = fit_one.columns(place, sized)
+    sided = fit_one.sided(place, effects)
+    at = [k for k in at if place.stage.nuisance.names[k] not in sided]
+    names = [
+        *((EFFECT, str(k), key) for k, e in enumerate(point.effects) for key in e.fitted),
+        *(_unknown(name, r) for name in sided),
+        *(_unknown(place.stage.nuisance.names[k], r) for k in at),
+    ]
+    white = np.concatenate([columns, place.fitted.columns[:, at]], axis=1)
+    return _Line(place.stage.lean(place.model), fitted, white, tuple(names))
+
+
+def _unknown(tolerance: str, r: int) -> Name:
+    return (tolerance, str(r)) if tolerance.startswith(OWN) else (tolerance,)
+
+
+def _trial(line: _Line, turned: Mapping[str, float]) -> Fitted:
+    """Fit what a recording leaves beside a machine with its tolerances turned otherwise."""
+    stage = replace(line.stage, turned=dict(turned))
+    model = stage.run()
+    at, others = stage.shifts(model)
+    names = stage.nuisance.names
+    knobs = {knob.name for knob in stage.knobs}
+    own = [k for k, name in enumerate(names) if name not in knobs]
+    places = [own.index(k) for k in at]
+    return swapped(line.fitted, stage.white(model), places, others, line.fitted.offset)
+
+
+def _moved(point: _Point, delta: Mapping[Name, float]) -> tuple[Proposal, ...]:
+    by = [delta[EFFECT, str(k), key] for k, e in enumerate(point.effects) for key in e.fitted]
+    length = point.places[0].stage.machine_length
+    return tuple(moved_all(point.effects, np.array(by), length))
+
+
+def _turned(turned: Mapping[Name, float], delta: Mapping[Name, float]) -> dict[Name, float]:
+    ways = {name: by for name, by in delta.items() if name[0] != EFFECT}
+    return {
+        name: float(np.clip(turned.get(name, 0.0) + by, -LARGEST, LARGEST))
+        for name, by in ways.items()
+    }

@@ -1,0 +1,126 @@
+"""What the searched recordings of one machine say of its effects' sizes together."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from escalator_twin.diagnosis.campaign import Joint, MANY, pooled, Sized
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
+from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.shared import fit_together, is_shared, Part
+from escalator_twin.errors import EscalatorError
+
+# Times the chi squared that the searches leave, each beside tolerances of its own: where one machine's leave more, the
+# recordings are not of one machine as the twin has it. Twelve tolerances in each of four recordings are worth 50 of
+# some 40000; one machine left 1 % more or less than its searches did (seed 251114, development).
+MOST_TOGETHER = 1.25
+
+
+@dataclass(frozen=True)
+class Together:
+    """Sizes and tolerances that fit the searched recordings together.
+
+    Attributes
+    ----------
+    effects : mapping of int to Sized
+        By which group of `union_of` each is, with how its numbers move as one recording is left out.
+    groups : frozenset of int
+        Of all effects of the machine beside which they were fitted.
+    turned : mapping of tolerance to float
+        Standard deviations.
+    """
+
+    effects: Mapping[int, Sized]
+    groups: frozenset[int]
+    turned: Mapping[str, float]
+
+    def holds(self, accepted: Sequence[Joint], groups: 'Groups') -> bool:
+        """Tell whether all effects beside which sizes were fitted were accepted in the end."""
+        named = [joint.found.proposal for joint in accepted]
+        return all(
+            any(same_place(groups[k][0][0].proposal, one) for one in named) for k in self.groups
+        )
+
+
+Groups = Sequence[Sequence[tuple[Found, float]]]
+
+
+def chosen_of(groups: Groups, n_scouts: int) -> list[int]:
+    """Return which effects are of the machine and named by more than one of many searches.
+
+    What one alone names is most often taken for an effect there.
+    """
+    return [
+        k
+        for k, group in enumerate(groups)
+        if of_machine(group[0][0].proposal) and (n_scouts < MANY or len(group) > 1)
+    ]
+
+
+def is_worth_it(groups: Groups, n_scouts: int) -> bool:
+    """Tell whether there is an effect whose size all recordings have in common, beside tolerances."""
+    if n_scouts < 2:
+        return False
+    return any(is_shared(groups[k][0][0].proposal) for k in chosen_of(groups, n_scouts))
+
+
+def fitted_together(
+    contexts: Sequence[Context], scouts: Sequence[Diagnosis], groups: Groups, jobs: int = 1
+) -> Together | None:
+    """Fit what the searches name to all of their recordings; None where that leaves more than they do.
+
+    Parameters
+    ----------
+    contexts : sequence of Context
+        Of every searched recording, as `prepare_tolerances` gives them.
+    scouts : sequence of Diagnosis
+    groups : sequence of groups
+        As `union_of` gives them.
+    jobs : int
+        Recordings at a time.
+    """
+    chosen = chosen_of(groups, len(scouts))
+    known = {k: pooled([(f.proposal, f.sd) for f, _ in groups[k]]) for k in chosen}
+    sized = [k for k in chosen if is_shared(known[k].proposal)]
+    others = [known[k].proposal for k in chosen if k not in sized]
+    effects = tuple(known[k].proposal for k in sized)
+    parts = [
+        Part(context, effects, own_of(scout, others), partial(_free, _measured(scout)))
+        for context, scout in zip(contexts, scouts, strict=True)
+    ]
+    try:
+        found = fit_together(parts, jobs)
+    except EscalatorError:
+        return None
+    if sum(found.levels) > MOST_TOGETHER * sum(scout.level for scout in scouts):
+        return None
+    rows = zip(found.effects, found.spread, strict=True)
+    return Together(dict(zip(sized, rows, strict=True)), frozenset(chosen), found.turned)
+
+
+def own_of(scout: Diagnosis, effects: Sequence[Proposal]) -> tuple[Proposal, ...]:
+    """Return effects as one search has them: how a roller stood and a wave began is its own.
+
+    Where it does not name one, it has the others' numbers, or none where it had to have a phase.
+    """
+    named = [found.proposal for found, probability in scout.found if probability >= NAMED]
+    rows = []
+    for effect in effects:
+        there = next((one for one in named if same_place(effect, one)), None)
+        if there is not None:
+            rows.append(there)
+        elif 'phase_rad' not in effect.parameters:
+            rows.append(effect)
+    return tuple(rows)
+
+
+def _measured(scout: Diagnosis) -> list[Proposal]:
+    named = [found.proposal for found, probability in scout.found if probability >= NAMED]
+    return [effect for effect in named if not of_machine(effect)]
+
+
+def _free(effects: Sequence[Proposal], place: Beside) -> Beside:
+    return freed(place, effects)

@@ -1,0 +1,157 @@
+"""One fit for several recordings of one machine: sizes and tolerances are the same in all of them.
+
+The recordings are made by the generator (synthetic), whose machine has tolerances of its own.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from rig.machine import Case
+from rig.make import Effect, make, Order, write
+import trials
+
+from escalator_twin import bagfile
+from escalator_twin.diagnosis import together
+from escalator_twin.diagnosis.campaign import decide, union_of
+from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.preparation import prepare_tolerances
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.shared import fit_together, Part, Shared
+from escalator_twin.errors import RecordingError
+
+pytestmark = pytest.mark.issue(7)
+
+LONGER_M, TOLD_M = 1.5e-4, 1.9e-4  # hidden; where the fit begins
+CHAIN = Proposal(
+    'chain_elongation', {'side': 'both'}, {'length_m': TOLD_M}, 1e4, fitted=('length_m',)
+)
+LINK = Proposal('link_elongation', {'link': 12}, {'length_m': 3e-3}, 1e4, fitted=('length_m',))
+ROLLER = Proposal(
+    'roller_eccentricity', {'axle': 41, 'side': 'left'},
+    {'amplitude_m': 4e-4, 'phase_rad': 0.3, 'slip': 0.0}, 1e4,
+    fitted=('amplitude_m', 'phase_rad', 'slip'),
+)  # fmt: skip
+GAUGE = Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.1}, 900.0, fitted=('factor',))
+CASES = (Case(0.5, 1, 0.0, 3000.0), Case(0.5, -1, 75.0, 6000.0))
+SEED = 251198
+
+
+@pytest.fixture(scope='module')
+def contexts(tmp_path_factory):
+    machine = trials.prototype()
+    folder = tmp_path_factory.mktemp('shared')
+    effects = (Effect('chain_elongation', {'side': 'both'}, {'length_m': LONGER_M}),)
+    found = []
+    for k, case in enumerate(CASES):
+        write(make(Order(SEED + k, case, 60.0, effects, machine_seed=SEED)), folder / str(k), None)
+        recording = bagfile.read(folder / str(k), machine)
+        found.append(prepare_tolerances(recording, machine, load_floor(machine)))
+    return found
+
+
+@pytest.mark.slow
+def test_a_chain_is_as_long_as_it_is_hidden_from_far_off(contexts):
+    found = fit_together([Part(context, (CHAIN,)) for context in contexts], jobs=2, rounds=1)
+    print(found)
+    assert found.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.05)
+    assert max(abs(z) for z in found.turned.values()) <= 2.5
+    assert not any(name.startswith('experiment.') for name in found.turned)
+
+
+def found_of(proposal, sd=1.0, probability=0.99):
+    return Found(proposal, probability, {proposal.fitted[0]: sd}, 500.0, ())
+
+
+def scout(*effects, level=1e4):
+    return SimpleNamespace(found=tuple((found_of(e, 1e-5), 0.99) for e in effects), level=level)
+
+
+def told(length_m):
+    return replace(CHAIN, parameters={'length_m': length_m})
+
+
+@pytest.mark.parametrize(
+    ('named', 'chosen', 'worth'),
+    [
+        ([[CHAIN], [CHAIN]], ['chain_elongation'], True),
+        ([[CHAIN]], ['chain_elongation'], False),
+        ([[CHAIN], [CHAIN], []], ['chain_elongation'], True),
+        ([[CHAIN], [], []], [], False),
+        ([[LINK, GAUGE], [LINK, GAUGE]], ['link_elongation'], False),
+        ([[GAUGE], [GAUGE]], [], False),
+    ],
+    ids=['both', 'one recording', 'two of three', 'one of three', 'one link', 'an instrument'],
+)
+def test_what_several_searches_name_of_the_whole_machine_is_fitted_together(named, chosen, worth):
+    scouts = [scout(*row) for row in named]
+    groups = union_of(scouts)
+    found = [groups[k][0][0].proposal.cause for k in together.chosen_of(groups, len(scouts))]
+    assert found == chosen
+    assert together.is_worth_it(groups, len(scouts)) is worth
+
+
+def test_how_a_roller_stood_is_each_recordings_own():
+    other = replace(ROLLER, parameters={**ROLLER.parameters, 'phase_rad': -2.0})
+    assert together.own_of(scout(CHAIN, other, LINK), [LINK, ROLLER]) == (LINK, other)
+    # how it stood where nobody has told is not known, how long a link is, is
+    assert together.own_of(scout(CHAIN), [LINK, ROLLER]) == (LINK,)
+
+
+def fit_is(monkeypatch, levels, spread=5e-6, length_m=1.5e-4):
+    asked = []
+
+    def fit(parts, _jobs):
+        asked.extend(parts)
+        effects = tuple(replace(e, parameters={'length_m': length_m}) for e in parts[0].effects)
+        return Shared(effects, {'chain.mass': 0.4}, ({'length_m': spread},), levels)
+
+    monkeypatch.setattr(together, 'fit_together', fit)
+    scouts = [scout(told(1.4e-4), LINK, GAUGE), scout(told(1.8e-4), LINK, GAUGE)]
+    groups = union_of(scouts)
+    return together.fitted_together(['first', 'second'], scouts, groups), groups, asked
+
+
+@pytest.mark.parametrize('spread', [1e-6, 5e-5, float('inf')])
+def test_the_fit_begins_at_the_mean_and_is_no_surer_than_it(monkeypatch, spread):
+    found, groups, asked = fit_is(monkeypatch, (1e4, 1.1e4), spread)
+    chain = next(k for k, g in enumerate(groups) if g[0][0].proposal.cause == CHAIN.cause)
+    assert [part.context for part in asked] == ['first', 'second']
+    assert asked[0].effects[0].parameters['length_m'] == pytest.approx(1.6e-4)
+    assert [[e.cause for e in part.own] for part in asked] == [['link_elongation']] * 2
+    assert list(found.effects) == [chain]
+    assert found.turned == {'chain.mass': 0.4}
+    (told_sd,) = (
+        j.found.sd['length_m']
+        for j in decide(groups, 2, [], together=found.effects)
+        if j.found.proposal.cause == CHAIN.cause
+    )
+    assert told_sd >= 1e-5  # of two that are 2e-5 off their mean
+    assert told_sd == pytest.approx(spread) or spread != 5e-5
+
+
+def test_where_one_machine_leaves_more_than_the_searches_it_is_not_taken(monkeypatch):
+    assert fit_is(monkeypatch, (1e4, 1.4e4))[0] is not None
+    assert fit_is(monkeypatch, (1e4, 1.6e4))[0] is None
+
+
+def test_where_it_cannot_be_run_the_mean_stays(monkeypatch):
+    def fit(*_):
+        raise RecordingError('the chain has left its guide')
+
+    monkeypatch.setattr(together, 'fit_together', fit)
+    scouts = [scout(CHAIN), scout(CHAIN)]
+    assert together.fitted_together(['a', 'b'], scouts, union_of(scouts)) is None
+
+
+def test_the_one_fits_size_is_told_where_all_beside_which_it_was_made_are_accepted(monkeypatch):
+    found, groups, _ = fit_is(monkeypatch, (1e4, 1e4))
+    accepted = decide(groups, 2, [], together=found.effects)
+    sizes = {j.found.proposal.cause: j.found.proposal.parameters for j in accepted}
+    assert sizes['chain_elongation'] == {'length_m': 1.5e-4}
+    assert sizes['link_elongation'] == {'length_m': pytest.approx(3e-3)}
+    assert found.holds(accepted, groups)
+    assert not found.holds(
+        [j for j in accepted if j.found.proposal.cause != 'link_elongation'], groups
+    )
