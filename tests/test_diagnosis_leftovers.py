@@ -109,22 +109,22 @@ def test_the_first_are_searched_again_where_the_later_have_it_as_well(holds, mon
             named.append((spring(1.4), 0.99))
         return SimpleNamespace(found=tuple(named), left=None if suggested else spring(1.4))
 
-    def union(scouts):
-        asked.append(('all', [len(s.found) for s in scouts]))
+    def fit(paths, _machine, scouts, *_):
+        asked.append(('all', paths, [len(s.found) for s in scouts]))
         raise EnoughError
 
     monkeypatch.setattr(campaign, 'ProcessPoolExecutor', Pool)
     monkeypatch.setattr(campaign, 'experiment_of', lambda *_: None)
     monkeypatch.setattr(campaign, 'diagnose_bag', search)
-    monkeypatch.setattr(campaign, 'union_of', union)
+    monkeypatch.setattr(campaign, 'fit_bags', fit)
     with pytest.raises(EnoughError):
         campaign.diagnose_together(['a', 'b', 'c', 'd'], 'machine.yaml')
     both = ['tensioner_friction', 'tensioner_stiffness']
     expected = [('a', []), ('b', []), ('c', both), ('d', both)]
     if holds:
-        expected += [('a', both), ('b', both), ('all', [2, 2, 2, 2])]
+        expected += [('a', both), ('b', both), ('all', ['a', 'b', 'c', 'd'], [2, 2, 2, 2])]
     else:
-        expected += [('all', [1, 1, 2, 1])]
+        expected += [('all', ['a', 'b', 'c', 'd'], [1, 1, 2, 1])]
     assert asked == expected
 
 

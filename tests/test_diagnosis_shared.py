@@ -11,9 +11,10 @@ from rig.machine import Case
 from rig.make import Effect, make, Order, write
 import trials
 
-from escalator_twin import bagfile
+from escalator_twin import bagfile, campaign
 from escalator_twin.diagnosis import together
 from escalator_twin.diagnosis.campaign import decide, union_of
+from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.preparation import prepare_tolerances
@@ -58,6 +59,18 @@ def test_a_chain_is_as_long_as_it_is_hidden_from_far_off(contexts):
     assert found.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.05)
     assert max(abs(z) for z in found.turned.values()) <= 2.5
     assert not any(name.startswith('experiment.') for name in found.turned)
+
+
+@pytest.mark.slow
+def test_another_recording_begins_from_the_tolerances_that_others_have(contexts):
+    """And tells the size as it is, though what is suggested is 8 % off."""
+    fit = fit_together([Part(contexts[0], (told(LONGER_M),))], rounds=0)
+    near = told(1.08 * LONGER_M)
+    other = contexts[1].recording
+    confirmed = confirm_recording(other, trials.prototype(), [near], shared=fit.turned)
+    print(confirmed.effects, confirmed.sd)
+    assert confirmed.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.06)
+    assert not confirmed.unexplained.significant
 
 
 def found_of(proposal, sd=1.0, probability=0.99):
@@ -155,3 +168,60 @@ def test_the_one_fits_size_is_told_where_all_beside_which_it_was_made_are_accept
     assert not found.holds(
         [j for j in accepted if j.found.proposal.cause != 'link_elongation'], groups
     )
+
+
+class Pool:
+    """Works in this process."""
+
+    def __init__(self, _):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    map = staticmethod(map)
+
+
+@pytest.mark.parametrize('is_taken', [True, False])
+def test_all_others_are_put_beside_the_one_fit_where_there_is_one(monkeypatch, is_taken):
+    sized = together.Together(
+        {0: (told(1.5e-4), {'length_m': 1e-6})}, frozenset({0}), {'chain.mass': 0.4}
+    )
+    asked = []
+
+    class EnoughError(Exception):
+        """All were asked."""
+
+    def search(path, **_):
+        found = () if path == 'b' else ((found_of(CHAIN, 1e-5), 0.99),)
+        return SimpleNamespace(found=found, left=None, rolled=None)
+
+    def fit(paths, _machine, _scouts, _groups, jobs):
+        asked.append((paths, jobs))
+        return sized if is_taken else None
+
+    def confirm(path, effects, seed, shared, **_):
+        asked.append((path, effects[0].parameters['length_m'], seed, shared))
+        return SimpleNamespace(effects=tuple(effects), sd=({'length_m': 1e-5},), rolled=None)
+
+    def decide_with(*_, **__):
+        raise EnoughError
+
+    for name, by in {
+        'ProcessPoolExecutor': Pool,
+        'experiment_of': lambda *_: None,
+        'load_machine': lambda _: SimpleNamespace(tolerances={}),
+        'law_of': lambda *_: None,
+        'diagnose_bag': search,
+        'fit_bags': fit,
+        'confirm_bag': confirm,
+        'decide': decide_with,
+    }.items():
+        monkeypatch.setattr(campaign, name, by)
+    with pytest.raises(EnoughError):
+        campaign.diagnose_together(['a', 'b'], 'machine.yaml', seed=7, jobs=3)
+    size, turned = (1.5e-4, {'chain.mass': 0.4}) if is_taken else (TOLD_M, None)
+    assert asked == [(['a', 'b'], 3), ('b', size, 7, turned)]

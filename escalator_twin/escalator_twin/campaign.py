@@ -1,10 +1,10 @@
 """Diagnose several recordings of one machine: some searched in full, the others as their proof."""
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import asdict
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.campaign import (
@@ -22,22 +22,32 @@ from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.floor import load_floor
-from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.leftovers import names_all, repeated_by
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.recordings import (
+    confirmed_row,
+    largest_rest,
+    mean_candidates,
+    own_gain,
+    searched_row,
+)
 from escalator_twin.diagnosis.speeds import KNOB, law_of
-from escalator_twin.diagnosis.telling import told
-from escalator_twin.diagnosis.together import fitted_together, Groups, is_worth_it, Together
-from escalator_twin.diagnosis.unexplained import Unexplained
+from escalator_twin.diagnosis.together import (
+    fitted_together,
+    Groups,
+    is_worth_it,
+    needs_no_phase,
+    Together,
+)
 from escalator_twin.machine import load_machine
 from escalator_twin.signals import Experiment
 from escalator_twin.threads import one_thread_each
 
-MOST_CANDIDATES = 40
 # Of a full search, and of the fit of all searched recordings together, in confirmations: for the progress alone.
 SEARCH_COST, TOGETHER_COST = 3.0, 3.0
+One = TypeVar('One')
 Progress = Callable[[float, float], None]
 
 
@@ -71,7 +81,7 @@ def confirm_bag(
 def fit_bags(
     paths: Sequence[str],
     machine_path: str,
-    scouts: Sequence[Diagnosis],
+    scouts: Sequence[Diagnosis | None],
     groups: Groups,
     jobs: int = 1,
 ) -> Together | None:
@@ -90,6 +100,116 @@ def fit_bags(
 def experiment_of(path: str, machine_path: str) -> Experiment | None:
     """Return what was set when a recording was made."""
     return bagfile.read(path, load_machine(machine_path)).experiment
+
+
+@dataclass(frozen=True)
+class Looked:
+    """What was found out of recordings, by their numbers.
+
+    Attributes
+    ----------
+    groups : list of groups
+        As `union_of` gives them.
+    scouts : mapping of int to Diagnosis
+        That were searched.
+    confirmed : mapping of int to Confirmed
+        That were put beside what the scouts name.
+    together : Together or None
+    fitted : frozenset of int
+        Those that sizes were fitted to.
+    """
+
+    groups: Groups
+    scouts: Mapping[int, Diagnosis]
+    confirmed: Mapping[int, Confirmed]
+    together: Together | None
+    fitted: frozenset[int]
+
+
+class Work:
+    """Runs what is asked of single recordings, several at a time.
+
+    Parameters
+    ----------
+    paths, machine_path, seed, jobs
+        As of `diagnose_together`.
+    progress : callable or None
+    pool : Executor
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[str],
+        machine_path: str,
+        seed: int,
+        jobs: int,
+        progress: Progress | None,
+        pool: Executor,
+    ) -> None:
+        self.paths, self.machine_path = list(paths), machine_path
+        self.seed, self.jobs, self.pool = seed, jobs, pool
+        self._progress, self._done, self.total = progress, 0.0, 1.0
+
+    def experiments(self) -> list[Experiment | None]:
+        return list(
+            self.pool.map(experiment_of, self.paths, [self.machine_path] * len(self.paths))
+        )
+
+    def search(self, some: Sequence[int], suggested: Sequence[Proposal]) -> dict[int, Diagnosis]:
+        """Search recordings, all of them with what is suggested to begin with."""
+        # each with all jobs: one may end long before the other, and two are fewer than many cores
+        one = partial(
+            diagnose_bag,
+            machine_path=self.machine_path,
+            seed=self.seed,
+            jobs=self.jobs,
+            suggested=suggested,
+        )
+        return self._each(one, some, SEARCH_COST)
+
+    def confirm(
+        self, some: Sequence[int], groups: Groups, together: Together | None
+    ) -> dict[int, Confirmed]:
+        """Put effects beside recordings."""
+        one = partial(
+            confirm_bag,
+            machine_path=self.machine_path,
+            effects=effects_of(groups, together),
+            seed=self.seed,
+            shared=together.turned if together else None,
+        )
+        return self._each(one, some, 1.0)
+
+    def fit(
+        self, some: Sequence[int], scouts: Mapping[int, Diagnosis], groups: Groups
+    ) -> tuple[Together | None, frozenset[int]]:
+        """Fit what scouts name to several recordings at once; return which these are as well."""
+        if not is_worth_it(groups, len(scouts)):
+            return None, frozenset()
+        chosen = some if needs_no_phase(groups, len(scouts)) else list(scouts)
+        found = fit_bags(
+            [self.paths[k] for k in chosen],
+            self.machine_path,
+            [scouts.get(k) for k in chosen],
+            groups,
+            self.jobs,
+        )
+        self.tell(TOGETHER_COST)
+        return found, frozenset(chosen if found else ())
+
+    def _each(self, do: Callable[[str], One], some: Sequence[int], cost: float) -> dict[int, One]:
+        found = {}
+        rows = self.pool.map(do, [self.paths[k] for k in some])
+        for k, one in zip(some, rows, strict=True):
+            found[k] = one
+            self.tell(cost)
+        return found
+
+    def tell(self, cost: float) -> None:
+        self._done += cost
+        self.total = max(self.total, self._done)
+        if self._progress is not None:
+            self._progress(self._done, self.total)
 
 
 def diagnose_together(
@@ -120,173 +240,98 @@ def diagnose_together(
         The accepted effects of machine and measurement.
     """
     n = len(paths)
-    done = 0.0
-
-    def tell(cost: float, total: float) -> None:
-        nonlocal done
-        done += cost
-        if progress is not None:
-            progress(done, total)
-
     with ProcessPoolExecutor(max(1, min(jobs, n))) as pool:
-        experiments = list(pool.map(experiment_of, paths, [machine_path] * n))
-        chosen = choose_scouts(experiments)
-        others = [k for k in range(n) if k not in chosen]
-        total = SEARCH_COST * len(chosen) + len(others)
-
-        def searched(some: Sequence[int], suggested: Sequence[Proposal]) -> list[Diagnosis]:
-            # each with all jobs: one may end long before the other, and two are fewer than many cores
-            search = partial(
-                diagnose_bag, machine_path=machine_path, seed=seed, jobs=jobs, suggested=suggested
-            )
-            found = []
-            for scout in pool.map(search, [paths[k] for k in some]):
-                found.append(scout)
-                tell(SEARCH_COST, total)
-            return found
-
-        scouts = searched(chosen[:FIRST], [])
-        repeated = repeated_by(scouts)
-        later = searched(chosen[FIRST:], [*shared_by(scouts), *repeated])
-        if later and all(names_all(scout, repeated) for scout in later) and repeated:
-            total += SEARCH_COST * FIRST
-            scouts = searched(chosen[:FIRST], shared_by(later))
-        scouts += later
-        groups = union_of(scouts)
-        together = None
-        if is_worth_it(groups, len(scouts)):
-            total += TOGETHER_COST
-            together = fit_bags([paths[k] for k in chosen], machine_path, scouts, groups, jobs)
-            tell(TOGETHER_COST, total)
-        sized = together.effects if together else {}
-        effects = [
-            sized[k][0] if k in sized else group[0][0].proposal for k, group in enumerate(groups)
-        ]
+        work = Work(paths, machine_path, seed, jobs, progress, pool)
+        chosen = choose_scouts(work.experiments())
+        work.total = SEARCH_COST * len(chosen) + TOGETHER_COST + n - len(chosen)
+        looked = look_together(work, chosen)
+        effects = effects_of(looked.groups, looked.together)
         of_all = [effect for effect in effects if of_machine(effect)]
-        asked = [i for i, scout in enumerate(scouts) if not names_all(scout, of_all)]
-        total += len(asked)
-        beside = others + [chosen[i] for i in asked]
-        confirm = partial(
-            confirm_bag,
-            machine_path=machine_path,
-            effects=effects,
-            seed=seed,
-            shared=together.turned if together else None,
-        )
-        confirmed: list[Confirmed] = []
-        for one in pool.map(confirm, [paths[k] for k in beside]):
-            confirmed.append(one)
-            tell(1.0, total)
-    confirmed, answers = confirmed[: len(others)], confirmed[len(others) :]
+        asked = [k for k, scout in looked.scouts.items() if not names_all(scout, of_all)]
+        answers = work.confirm(asked, looked.groups, looked.together)
     silent = [
         [
-            (answer.effects[k], answer.sd[k])
-            for i, answer in zip(asked, answers, strict=True)
+            (answer.effects[i], answer.sd[i])
+            for k, answer in answers.items()
             # an instrument may fail between two recordings
-            if of_machine(effect) and not names_all(scouts[i], [effect])
+            if of_machine(effect) and not names_all(looked.scouts[k], [effect])
         ]
-        for k, effect in enumerate(effects)
+        for i, effect in enumerate(effects)
     ]
+    scouts = list(looked.scouts.values())
+    confirmed = list(looked.confirmed.values())
     rolls = [s.rolled for s in scouts] + [c.rolled for c in confirmed]
     law = law_of(
         [one for one in rolls if one is not None],
         load_machine(machine_path).tolerances.get(KNOB, 0.0),
     )
-    accepted = decide(groups, len(scouts), confirmed, silent, sized)
-    if together and not together.holds(accepted, groups):
-        accepted = decide(groups, len(scouts), confirmed, silent)
+    together = looked.together
+    sizes = together.effects if together else {}
+    accepted = decide(looked.groups, len(scouts), confirmed, silent, sizes)
+    if together and not together.holds(accepted, looked.groups):
+        accepted = decide(looked.groups, len(scouts), confirmed, silent)
     joint = by_speed(accepted, law, seed)
     faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
-    rows: dict[int, dict[str, Any]] = {
-        k: {**_searched(s), 'searched': True} for k, s in zip(chosen, scouts, strict=True)
-    }
-    rows |= {
-        k: {**_confirmed(c), 'searched': False} for k, c in zip(others, confirmed, strict=True)
-    }
+    rows = {k: searched_row(s) for k, s in looked.scouts.items()}
+    rows |= {k: confirmed_row(c) for k, c in looked.confirmed.items()}
     by_recording = [rows[k] for k in range(n)]
+    unseen = [c for k, c in looked.confirmed.items() if k not in looked.fitted]
     document = {
         'recordings': [row.pop('document') for row in by_recording],
         'effects': told_jointly(joint, faults, n),
-        'candidates': _candidates(scouts),
-        'unexplained': _unexplained([row['unexplained'] for row in by_recording]),
-        'gain': joint_gain(confirmed, seed) if confirmed else _own_gain(scouts),
+        'candidates': mean_candidates(scouts),
+        'unexplained': largest_rest([row['unexplained'] for row in by_recording]),
+        'gain': joint_gain(unseen, seed) if unseen else own_gain(scouts),
         'would_change': list(dict.fromkeys(line for s in scouts for line in s.would_change)),
         'by_recording': by_recording,
     }
     return document, joint
 
 
-def _searched(scout: Diagnosis) -> dict[str, Any]:
-    return {
-        'path': scout.document['path'],
-        'document': scout.document,
-        'effects': scout.effects,
-        'candidates': scout.candidates,
-        'unexplained': rest_of(scout.unexplained),
-        'gain': scout.held_out.document() if scout.held_out else None,
-        'residual': scout.residual,
-        'rolled': asdict(scout.rolled) if scout.rolled else None,
-    }
+def look_together(work: Work, chosen: Sequence[int]) -> Looked:
+    """Search some recordings and put what they name beside all others.
+
+    The first two are searched with nothing suggested. Where both name the same of the machine, it is put beside the others that were
+    chosen, and these are searched only where it leaves something open; else they are in any case.
+
+    Parameters
+    ----------
+    work : Work
+    chosen : sequence of int
+        Those whose experiments differ most.
+    """
+    first, rest = chosen[:FIRST], chosen[FIRST:]
+    scouts = work.search(first, [])
+    repeated = repeated_by(list(scouts.values()))
+    suggested = shared_by(list(scouts.values()))
+    groups = union_of(list(scouts.values()))
+    confirmed: dict[int, Confirmed] = {}
+    together, fitted = None, frozenset[int]()
+    if rest and not repeated and _agree(list(scouts.values()), groups):
+        together, fitted = work.fit(chosen, scouts, groups)
+        confirmed = work.confirm(rest, groups, together)
+        rest = [k for k in rest if confirmed[k].is_open]
+    later = work.search(rest, [*suggested, *repeated])
+    if repeated and later and all(names_all(scout, repeated) for scout in later.values()):
+        work.total += SEARCH_COST * len(first)
+        scouts = work.search(first, shared_by(list(later.values())))
+    if later or not confirmed:
+        scouts |= later
+        groups = union_of(list(scouts.values()))
+        together, fitted = work.fit(chosen, scouts, groups)
+        confirmed = {}
+    others = [k for k in range(len(work.paths)) if k not in scouts and k not in confirmed]
+    confirmed |= work.confirm(others, groups, together)
+    return Looked(groups, scouts, confirmed, together, fitted)
 
 
-def _confirmed(one: Confirmed) -> dict[str, Any]:
-    return {
-        'path': one.document['path'],
-        'document': one.document,
-        'effects': [_own(effect, sd) for effect, sd in zip(one.effects, one.sd, strict=True)],
-        'candidates': [],
-        'unexplained': rest_of(one.unexplained),
-        'gain': one.held_out.document(),
-        'residual': one.residual,
-        'rolled': asdict(one.rolled) if one.rolled else None,
-    }
+def effects_of(groups: Groups, together: Together | None) -> list[Proposal]:
+    """Return one effect of each group: as fitted together, or as the surest search has it."""
+    sized = together.effects if together else {}
+    return [sized[k][0] if k in sized else g[0][0].proposal for k, g in enumerate(groups)]
 
 
-def _own(effect: Proposal, sd: dict[str, float]) -> dict[str, Any]:
-    """Return an effect with the size that one recording alone would give it."""
-    return {**told(Found(effect, 0.0, sd, 0.0, ()), 0.0), 'probability': None}
-
-
-def rest_of(rest: Unexplained) -> dict[str, Any]:
-    """Return a remainder as contracts.md tells it."""
-    return {'significant': rest.significant, 'share': rest.share, 'signature': rest.signature}
-
-
-def _unexplained(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the largest remainder of all recordings."""
-    worst = max(rows, key=lambda row: (row['significant'], row['share']))
-    return {**worst, 'recordings': sum(bool(row['significant']) for row in rows)}
-
-
-def _candidates(scouts: list[Diagnosis]) -> list[dict[str, Any]]:
-    """Return the candidates of all searches, each once with its mean probability."""
-    rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for scout in scouts:
-        for row in scout.candidates:
-            rows.setdefault((row['cause'], str(row['location'])), []).append(row)
-    joint = [
-        {**group[0], 'probability': sum(r['probability'] for r in group) / len(scouts)}
-        for group in rows.values()
-    ]
-    return sorted(joint, key=lambda row: -row['probability'])[:MOST_CANDIDATES]
-
-
-def _own_gain(scouts: list[Diagnosis]) -> dict[str, Any]:
-    """Return the held-out gain inside the recordings, where all of them were searched."""
-    held = [s.held_out for s in scouts if s.held_out is not None]
-    seen = [h for h in held if h.channels is not None]
-    if not seen:
-        return {'held_out': None, 'split': held[0].split if held else 'nothing was accepted'}
-    names = {name for h in seen for name in h.channels or {}}
-    channels = {}
-    for name in sorted(names):
-        rows = [h.channels[name] for h in seen if h.channels and name in h.channels]
-        channels[name] = {key: sum(r[key] for r in rows) / len(rows) for key in rows[0]}
-    split = f'{len(seen)} recordings, each: {seen[0].split}'
-    document = {
-        'split': split,
-        'blocks': sum(h.blocks for h in seen),
-        'channels': channels,
-        'significant': all(h.significant for h in seen),
-    }
-    return {'held_out': document, 'split': split}
+def _agree(scouts: Sequence[Diagnosis], groups: Groups) -> bool:
+    """Tell whether searches name the same effects of the machine, at least one."""
+    effects = [g[0][0].proposal for g in groups if of_machine(g[0][0].proposal)]
+    return bool(effects) and all(names_all(scout, effects) for scout in scouts)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from escalator_twin import bagfile
-from escalator_twin.campaign import diagnose_bag, diagnose_together, rest_of
+from escalator_twin.campaign import diagnose_bag, diagnose_together
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.comparison.document import recording_document, SCHEMA
 from escalator_twin.comparison.judge import judge, Judgement
@@ -13,6 +13,7 @@ from escalator_twin.comparison.locate import locate, RATE_HZ, Setting
 from escalator_twin.comparison.parts import compare_in_parts, part_bounds
 from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.extension import extension, write_extension
+from escalator_twin.diagnosis.recordings import rest_of
 from escalator_twin.errors import EscalatorError
 from escalator_twin.instruments import ideal, record
 from escalator_twin.machine import Deviation, load_machine, Machine

@@ -328,7 +328,7 @@ def joint_gain(confirmed: Sequence[Confirmed], seed: int) -> dict[str, Any]:
     """Return the gain in the recordings that no size was fitted to."""
     seen = [c.held_out for c in confirmed if c.held_out.channels is not None]
     if not seen:
-        return {'held_out': None, 'split': 'no recording is left that was not searched'}
+        return {'held_out': None, 'split': 'no recording is left that no size was fitted to'}
     names = sorted({name for held in seen for name in held.channels or {}})
     channels = {}
     for name in names:
@@ -337,10 +337,7 @@ def joint_gain(confirmed: Sequence[Confirmed], seed: int) -> dict[str, Any]:
     gains = np.array([0.5 * (h.gain_low + h.gain_high) for h in seen])
     picks = np.random.default_rng(seed).integers(0, len(gains), (DRAWS, len(gains)))
     low, high = (float(v) for v in np.quantile(gains[picks].mean(axis=1), (0.025, 0.975)))
-    split = (
-        f'{len(seen)} recordings at other operating points, beside the sizes that the searched '
-        f'ones gave'
-    )
+    split = f'{len(seen)} recordings at other operating points, beside the sizes that others gave'
     document = {
         'split': split,
         'blocks': len(seen),

@@ -39,7 +39,7 @@ from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.tuning import tuned
-from escalator_twin.diagnosis.unexplained import is_open, look, Unexplained
+from escalator_twin.diagnosis.unexplained import holds_more, is_open, look, Unexplained
 from escalator_twin.diagnosis.view import View
 from escalator_twin.diagnosis.waves import DRIVE
 from escalator_twin.machine import Machine
@@ -68,6 +68,8 @@ class Confirmed:
         What is left without and with the effects, by channel, see `split`.
     rolled : Rolled or None
         What the recording says of its rollers.
+    is_open : bool
+        Beside the effects more than a good machine's is left, or hidden in a tolerance: what a search looks for.
     """
 
     document: dict[str, Any]
@@ -78,6 +80,7 @@ class Confirmed:
     faults: tuple[Fault, ...]
     residual: dict[str, Any]
     rolled: Rolled | None = None
+    is_open: bool = False
 
 
 @one_thread_each
@@ -166,6 +169,7 @@ def confirm_recording(
         tuple(faults_of(context.setting, machine)),
         {'before': split(context, before), 'after': split(context, after)},
         rolled(after, [told[k] for k in range(len(here))]),
+        holds_more(after, context.floor, [str(e.nuisance) for e in here]),
     )
 
 

@@ -68,45 +68,62 @@ def is_worth_it(groups: Groups, n_scouts: int) -> bool:
 
 
 def fitted_together(
-    contexts: Sequence[Context], scouts: Sequence[Diagnosis], groups: Groups, jobs: int = 1
+    contexts: Sequence[Context],
+    scouts: Sequence[Diagnosis | None],
+    groups: Groups,
+    jobs: int = 1,
 ) -> Together | None:
     """Fit what the searches name to all of their recordings; None where that leaves more than they do.
 
     Parameters
     ----------
     contexts : sequence of Context
-        Of every searched recording, as `prepare_tolerances` gives them.
-    scouts : sequence of Diagnosis
+        Of every recording, as `prepare_tolerances` gives them.
+    scouts : sequence of Diagnosis or None
+        Of each that was searched; another has what these name.
     groups : sequence of groups
         As `union_of` gives them.
     jobs : int
         Recordings at a time.
     """
-    chosen = chosen_of(groups, len(scouts))
+    searched = [scout for scout in scouts if scout is not None]
+    chosen = chosen_of(groups, len(searched))
     known = {k: pooled([(f.proposal, f.sd) for f, _ in groups[k]]) for k in chosen}
     sized = [k for k in chosen if is_shared(known[k].proposal)]
     others = [known[k].proposal for k in chosen if k not in sized]
     effects = tuple(known[k].proposal for k in sized)
+    faults = [g[0][0].proposal for g in groups if len(g) == len(searched)]
     parts = [
-        Part(context, effects, own_of(scout, others), partial(_free, _measured(scout)))
+        Part(context, effects, own_of(scout, others), partial(_free, measured_in(scout, faults)))
         for context, scout in zip(contexts, scouts, strict=True)
     ]
     try:
         found = fit_together(parts, jobs)
     except EscalatorError:
         return None
-    if sum(found.levels) > MOST_TOGETHER * sum(scout.level for scout in scouts):
+    pairs = [
+        (level, scout.level)
+        for level, scout in zip(found.levels, scouts, strict=True)
+        if scout is not None
+    ]
+    if sum(level for level, _ in pairs) > MOST_TOGETHER * sum(own for _, own in pairs):
         return None
     rows = zip(found.effects, found.spread, strict=True)
     return Together(dict(zip(sized, rows, strict=True)), frozenset(chosen), found.turned)
 
 
-def own_of(scout: Diagnosis, effects: Sequence[Proposal]) -> tuple[Proposal, ...]:
+def needs_no_phase(groups: Groups, n_scouts: int) -> bool:
+    """Tell whether a recording that was not searched can be run with all effects of the machine."""
+    chosen = chosen_of(groups, n_scouts)
+    return all('phase_rad' not in groups[k][0][0].proposal.parameters for k in chosen)
+
+
+def own_of(scout: Diagnosis | None, effects: Sequence[Proposal]) -> tuple[Proposal, ...]:
     """Return effects as one search has them: how a roller stood and a wave began is its own.
 
     Where it does not name one, it has the others' numbers, or none where it had to have a phase.
     """
-    named = [found.proposal for found, probability in scout.found if probability >= NAMED]
+    named = _named(scout)
     rows = []
     for effect in effects:
         there = next((one for one in named if same_place(effect, one)), None)
@@ -117,9 +134,15 @@ def own_of(scout: Diagnosis, effects: Sequence[Proposal]) -> tuple[Proposal, ...
     return tuple(rows)
 
 
-def _measured(scout: Diagnosis) -> list[Proposal]:
-    named = [found.proposal for found, probability in scout.found if probability >= NAMED]
+def measured_in(scout: Diagnosis | None, all_named: Sequence[Proposal]) -> list[Proposal]:
+    """Return the faults of the measurement that a search names; without one, those that all name."""
+    named = all_named if scout is None else _named(scout)
     return [effect for effect in named if not of_machine(effect)]
+
+
+def _named(scout: Diagnosis | None) -> list[Proposal]:
+    rows = () if scout is None else scout.found
+    return [found.proposal for found, probability in rows if probability >= NAMED]
 
 
 def _free(effects: Sequence[Proposal], place: Beside) -> Beside:

@@ -109,6 +109,20 @@ def is_used_up(place: Beside, but: Container[str] = ()) -> bool:
     return _beyond(place, lambda name: name in STAND_FOR and name not in but)
 
 
+def holds_more(place: Beside, floor: Floor, stood_for: Container[str] = ()) -> bool:
+    """Tell whether a further effect may be there: in what is left, or hidden in a tolerance or an instrument's nuisance.
+
+    ``stood_for`` holds the tolerances that accepted effects stand for.
+    """
+    return is_open(place, floor) or is_hidden(place, floor, stood_for)
+
+
+def is_hidden(place: Beside, floor: Floor, stood_for: Container[str] = ()) -> bool:
+    """Tell whether a further effect may be hidden in a tolerance or an instrument's nuisance."""
+    is_used = not is_open(place, floor) and is_used_up(place, stood_for)
+    return is_stretched(place) or is_used
+
+
 def _beyond(place: Beside, held: Callable[[str], bool]) -> bool:
     names = place.stage.nuisance.names
     chosen = np.array([held(name) for name in names], bool)
