@@ -27,7 +27,7 @@ make campaign-diagnosis BAGS="DIR/*"
 ```
 
 from the JSON of `escalator-twin diagnose` (seed {seed}, {took}). {searched} recordings were searched in full;
-what they name was put beside the {others} others with nothing of it fitted to them.
+the sizes of what they name were fitted to {fitted}, and put beside the {others} others with nothing of it fitted to them.
 """
 
 
@@ -68,6 +68,7 @@ def page(document: Mapping[str, Any], seed: int, seconds: float | None) -> str:
     """
     recordings = document['by_recording']
     searched = sum(bool(r.get('searched', True)) for r in recordings)
+    fitted = sum(bool(r.get('fitted', r.get('searched', True))) for r in recordings)
     took = 'time not taken' if seconds is None else f'{seconds / 60.0:.1f} minutes of wall time'
     parts = [
         HEAD.format(
@@ -75,7 +76,8 @@ def page(document: Mapping[str, Any], seed: int, seconds: float | None) -> str:
             seed=seed,
             took=took,
             searched=searched,
-            others=len(recordings) - searched,
+            fitted=fitted,
+            others=len(recordings) - fitted,
         ),
         '## What is wrong\n',
         _effects(document['effects']),

@@ -225,3 +225,55 @@ def test_all_others_are_put_beside_the_one_fit_where_there_is_one(monkeypatch, i
         campaign.diagnose_together(['a', 'b'], 'machine.yaml', seed=7, jobs=3)
     size, turned = (1.5e-4, {'chain.mass': 0.4}) if is_taken else (TOLD_M, None)
     assert asked == [(['a', 'b'], 3), ('b', size, 7, turned)]
+
+
+class Asked:
+    """Stands for `campaign.Work`: writes down what is asked for."""
+
+    def __init__(self, names, is_open):
+        self.names, self.is_open, self.asked = names, is_open, []
+        self.paths, self.total = list('abcdef'), 1.0
+
+    def search(self, some, suggested):
+        if some:
+            self.asked.append(('search', list(some), [e.cause for e in suggested]))
+        return {k: SimpleNamespace(found=scout(*self.names[k]).found, left=None) for k in some}
+
+    def fit(self, some, scouts, groups):
+        self.asked.append(('fit', list(some), list(scouts), len(groups)))
+        return None, frozenset(some)
+
+    def confirm(self, some, groups, _):
+        self.asked.append(('confirm', list(some), len(groups)))
+        return {k: SimpleNamespace(is_open=k in self.is_open) for k in some}
+
+
+FIRST = [('search', [0, 1], [])]
+CLOSED = [('fit', [0, 1, 2, 3], [0, 1], 1), ('confirm', [2, 3], 1)]
+CAUSE = [CHAIN.cause]
+
+
+@pytest.mark.parametrize(
+    ('second', 'is_open', 'expected'),
+    [
+        ([CHAIN], [], [*CLOSED, ('confirm', [4, 5], 1)]),
+        (
+            [CHAIN], [3, 4],
+            [
+                *CLOSED, ('search', [3], CAUSE), ('fit', [0, 1, 2, 3], [0, 1, 3], 2),
+                ('confirm', [2, 4, 5], 2),
+            ],
+        ),
+        (
+            [], [],
+            [('search', [2, 3], []), ('fit', [0, 1, 2, 3], [0, 1, 2, 3], 2), ('confirm', [4, 5], 2)],
+        ),
+    ],
+    ids=['nothing is open', 'one is open', 'the first do not agree'],
+)  # fmt: skip
+def test_the_later_are_searched_where_the_first_leave_something_open(second, is_open, expected):
+    work = Asked([[CHAIN], second, [CHAIN], [CHAIN, LINK]], is_open)
+    looked = campaign.look_together(work, [0, 1, 2, 3])
+    assert work.asked == [*FIRST, *expected]
+    assert sorted([*looked.scouts, *looked.confirmed]) == list(range(6))
+    assert looked.fitted == frozenset(range(4))

@@ -274,8 +274,9 @@ def diagnose_together(
     faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
     rows = {k: searched_row(s) for k, s in looked.scouts.items()}
     rows |= {k: confirmed_row(c) for k, c in looked.confirmed.items()}
-    by_recording = [rows[k] for k in range(n)]
-    unseen = [c for k, c in looked.confirmed.items() if k not in looked.fitted]
+    seen = looked.fitted | looked.scouts.keys()
+    by_recording = [{**rows[k], 'fitted': k in seen} for k in range(n)]
+    unseen = [c for k, c in looked.confirmed.items() if k not in seen]
     document = {
         'recordings': [row.pop('document') for row in by_recording],
         'effects': told_jointly(joint, faults, n),
