@@ -115,6 +115,7 @@ def test_the_first_are_searched_again_where_the_later_have_it_as_well(holds, mon
 
     monkeypatch.setattr(campaign, 'ProcessPoolExecutor', Pool)
     monkeypatch.setattr(campaign, 'experiment_of', lambda *_: None)
+    monkeypatch.setattr(campaign, 'load_machine', lambda _: SimpleNamespace(tolerances={}))
     monkeypatch.setattr(campaign, 'diagnose_bag', search)
     monkeypatch.setattr(campaign, 'fit_bags', fit)
     with pytest.raises(EnoughError):

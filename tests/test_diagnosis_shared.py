@@ -277,3 +277,40 @@ def test_the_later_are_searched_where_the_first_leave_something_open(second, is_
     assert work.asked == [*FIRST, *expected]
     assert sorted([*looked.scouts, *looked.confirmed]) == list(range(6))
     assert looked.fitted == frozenset(range(4))
+
+
+def test_of_a_machine_of_free_bodies_every_recording_is_searched():
+    """Its tolerances and effects are put beside a recording by its own search alone."""
+    work = Asked([[CHAIN], [CHAIN], [], [CHAIN], [CHAIN], [CHAIN]], [])
+    looked = campaign.search_all(work)
+    assert work.asked == [*FIRST, ('search', [2, 3, 4, 5], CAUSE)]
+    assert list(looked.scouts) == list(range(6))
+    assert (looked.together, dict(looked.confirmed)) == (None, {})
+
+
+def test_such_a_machines_searches_are_asked_for_nothing_more(monkeypatch):
+    class EnoughError(Exception):
+        """The searches are done."""
+
+    def search(path, **_):
+        found = () if path == 'b' else ((found_of(CHAIN, 1e-5), 0.99),)
+        return SimpleNamespace(found=found, left=None, rolled=None)
+
+    def never(*_, **__):
+        raise AssertionError
+
+    def decide_with(*_, **__):
+        raise EnoughError
+
+    for name, by in {
+        'ProcessPoolExecutor': Pool,
+        'experiment_of': never,
+        'diagnose_bag': search,
+        'fit_bags': never,
+        'confirm_bag': never,
+        'decide': decide_with,
+    }.items():
+        monkeypatch.setattr(campaign, name, by)
+    kwon = str(trials.ROOT / 'config' / 'machines' / 'kwon.yaml')
+    with pytest.raises(EnoughError):
+        campaign.diagnose_together(['a', 'b'], kwon)

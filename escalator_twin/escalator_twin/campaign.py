@@ -41,7 +41,7 @@ from escalator_twin.diagnosis.together import (
     needs_no_phase,
     Together,
 )
-from escalator_twin.machine import load_machine
+from escalator_twin.machine import load_machine, MultibodyMachine
 from escalator_twin.signals import Experiment
 from escalator_twin.threads import one_thread_each
 
@@ -240,14 +240,18 @@ def diagnose_together(
         The accepted effects of machine and measurement.
     """
     n = len(paths)
+    machine = load_machine(machine_path)
+    is_linked = not isinstance(machine, MultibodyMachine)
     with ProcessPoolExecutor(max(1, min(jobs, n))) as pool:
         work = Work(paths, machine_path, seed, jobs, progress, pool)
-        chosen = choose_scouts(work.experiments())
+        chosen = choose_scouts(work.experiments()) if is_linked else list(range(n))
         work.total = SEARCH_COST * len(chosen) + TOGETHER_COST + n - len(chosen)
-        looked = look_together(work, chosen)
+        looked = look_together(work, chosen) if is_linked else search_all(work)
         effects = effects_of(looked.groups, looked.together)
         of_all = [effect for effect in effects if of_machine(effect)]
-        asked = [k for k, scout in looked.scouts.items() if not names_all(scout, of_all)]
+        asked = [
+            k for k, scout in looked.scouts.items() if is_linked and not names_all(scout, of_all)
+        ]
         answers = work.confirm(asked, looked.groups, looked.together)
     silent = [
         [
@@ -261,10 +265,7 @@ def diagnose_together(
     scouts = list(looked.scouts.values())
     confirmed = list(looked.confirmed.values())
     rolls = [s.rolled for s in scouts] + [c.rolled for c in confirmed]
-    law = law_of(
-        [one for one in rolls if one is not None],
-        load_machine(machine_path).tolerances.get(KNOB, 0.0),
-    )
+    law = law_of([one for one in rolls if one is not None], machine.tolerances.get(KNOB, 0.0))
     together = looked.together
     sizes = together.effects if together else {}
     accepted = decide(looked.groups, len(scouts), confirmed, silent, sizes)
@@ -324,6 +325,15 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
     others = [k for k in range(len(work.paths)) if k not in scouts and k not in confirmed]
     confirmed |= work.confirm(others, groups, together)
     return Looked(groups, scouts, confirmed, together, fitted)
+
+
+def search_all(work: Work) -> Looked:
+    """Search every recording of a machine of free bodies: nothing else is known of how to put effects beside it."""
+    every = range(len(work.paths))
+    scouts = work.search(every[:FIRST], [])
+    scouts |= work.search(every[FIRST:], shared_by(list(scouts.values())))
+    groups = union_of(list(scouts.values()))
+    return Looked(groups, scouts, {}, None, frozenset())
 
 
 def effects_of(groups: Groups, together: Together | None) -> list[Proposal]:
