@@ -12,8 +12,9 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.unexplained import (
     excess_of,
     fell_by,
-    is_hidden,
     is_open,
+    is_stretched,
+    is_used_up,
     LEAST_EXPLAINED,
 )
 from escalator_twin.diagnosis.verdict import by_data, evidence_of
@@ -59,7 +60,7 @@ class Bounds:
         """Return the bounds of a machine with its accepted effects, ``before`` being the one without."""
         opened = is_open(place, floor)
         stood_for = {str(f.proposal.nuisance) for f in found}
-        hidden = is_hidden(place, floor, stood_for)
+        hidden = is_stretched(place) or (not opened and is_used_up(place, stood_for))
         quiet, shaken = (excess_of(place, floor, shaken) for shaken in (False, True))
         return cls(tuple(found), opened, hidden, quiet, shaken, fell_by(before, place), further)
 

@@ -121,23 +121,15 @@ def confirm_recording(
     ]
     own = [e for e in here if of_machine(e)]
     others = [e for e in here if not of_machine(e)]
-    deviations = tuple(e.deviation for e in own)
 
     def free(place: Beside) -> Beside:
         return freed(place, others)
 
-    if any(e.cause in MOVES_RESONANCE for e in own):
-        context = with_own_tolerances(context, deviations)
-    elif own:
-        context = plain_context
-    turned = {} if context is not plain_context else before.stage.turned
-    stood_for = {str(e.nuisance) for e in own if e.nuisance}
-    turned = {k: z for k, z in turned.items() if k not in stood_for}
     near = _beside_shared(context, own, shared) if own and shared else None
     if near is not None and not is_open(near[1], context.floor):
         context, after = near
     elif own:
-        context, after = tuned(context, deviations, turned=turned, held=stood_for)
+        context, after = _by_itself(context, own, plain_context, before)
         if near is not None and quiet_chi2(near[1]) < quiet_chi2(after):
             context, after = near
     else:
@@ -182,6 +174,21 @@ def _beside_shared(
     fixed = [replace(e, fitted=()) for e in effects]
     found = polish(near, fixed, shared, steps=MOST_STEPS, is_near=True)
     return found.context, found.place
+
+
+def _by_itself(
+    context: Context, effects: Sequence[Proposal], plain_context: Context, before: Beside
+) -> tuple[Context, Beside]:
+    """Return the machine with effects, its tolerances tuned: from none where effects move resonances.
+
+    Else from where they were ``before`` the effects, and by what they did there.
+    """
+    deviations = tuple(e.deviation for e in effects)
+    stood_for = {str(e.nuisance) for e in effects if e.nuisance}
+    turned = {k: z for k, z in before.stage.turned.items() if k not in stood_for}
+    if any(e.cause in MOVES_RESONANCE for e in effects):
+        turned, plain_context = {}, with_own_tolerances(context, deviations)
+    return tuned(plain_context, deviations, turned=turned, held=stood_for)
 
 
 def _wave(place: Beside, effect: Proposal) -> Refined:

@@ -114,13 +114,7 @@ def holds_more(place: Beside, floor: Floor, stood_for: Container[str] = ()) -> b
 
     ``stood_for`` holds the tolerances that accepted effects stand for.
     """
-    return is_open(place, floor) or is_hidden(place, floor, stood_for)
-
-
-def is_hidden(place: Beside, floor: Floor, stood_for: Container[str] = ()) -> bool:
-    """Tell whether a further effect may be hidden in a tolerance or an instrument's nuisance."""
-    is_used = not is_open(place, floor) and is_used_up(place, stood_for)
-    return is_stretched(place) or is_used
+    return is_open(place, floor) or is_stretched(place) or is_used_up(place, stood_for)
 
 
 def _beyond(place: Beside, held: Callable[[str], bool]) -> bool:
