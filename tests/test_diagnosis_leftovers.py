@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+from pools import Pool
 import pytest
 
 from escalator_twin import campaign
@@ -77,21 +78,6 @@ def test_a_search_names_what_it_is_sure_of():
     assert names_all(scout(None), [FRICTION])
     assert not names_all(scout(None, named=0.4), [FRICTION])
     assert not names_all(scout(None), [FRICTION, spring(1.4).proposal])
-
-
-class Pool:
-    """Searches one recording after another, in this process."""
-
-    def __init__(self, _):
-        pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    map = staticmethod(map)
 
 
 @pytest.mark.parametrize('holds', [True, False])

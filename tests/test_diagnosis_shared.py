@@ -6,6 +6,7 @@ The recordings are made by the generator (synthetic), whose machine has toleranc
 from dataclasses import replace
 from types import SimpleNamespace
 
+from pools import Pool
 import pytest
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
@@ -168,21 +169,6 @@ def test_the_one_fits_size_is_told_where_all_beside_which_it_was_made_are_accept
     assert not found.holds(
         [j for j in accepted if j.found.proposal.cause != 'link_elongation'], groups
     )
-
-
-class Pool:
-    """Works in this process."""
-
-    def __init__(self, _):
-        pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    map = staticmethod(map)
 
 
 @pytest.mark.parametrize('is_taken', [True, False])

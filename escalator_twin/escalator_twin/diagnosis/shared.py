@@ -29,7 +29,7 @@ from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tuning import KICKS, WORTH_A_ROUND
 
 OWN = 'experiment.'  # tolerances of what was set for one recording: preload and load
-MOST_STEPS = 5  # of Gauss and Newton; after four the next gained 0.02 % (seed 251114, development)
+MOST_STEPS = 5  # of Gauss and Newton, before a far turn and after: time
 SHARES = (1.0, 0.4, 0.15)  # of a step that are tried
 SETTLED = 3.0  # chi squared: a step that gains less is the last one
 
