@@ -26,7 +26,7 @@ HARMONICS = 32
 CELLS = 49  # of the loop, about 0.5 m each: where in it a channel's own error is large
 # The twin's error is not noise of its own in every sample: in machines within tolerance the falls of
 # chi squared that false causes reach exceed those of white noise by a factor. This is that of linked
-# chains (calibrated on generated recordings, docs/diagnosis.md); a floor's file may tell another.
+# chains (calibrated on generated recordings, docs/diagnosis_constants.md); a floor's file may tell another.
 TEMPERATURE = 8.0
 LINE_HALF = 0.03  # orders that belong to a line on each side
 LINE_SCALE = 0.013  # a line's skirt falls by e over this order: the place in the loop modulates it
