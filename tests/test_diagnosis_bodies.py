@@ -292,3 +292,20 @@ def test_a_good_machine_has_no_more_of_it_than_of_a_tolerance():
     power = float(columns[:, 0] @ columns[:, 0])
     assert bounded == pytest.approx((6.0 - LARGEST) ** 2 * power + LARGEST**2, rel=1e-4)
     assert free < bounded
+
+
+@pytest.mark.long
+def test_several_recordings_of_one_machine_are_each_searched(small, tmp_path):
+    bags = []
+    for duration in (DURATION_S, DURATION_S + 7.0):
+        bags.append(tmp_path / f'bag_{duration:.0f}')
+        truth = tmp_path / 'truth' / f'{duration:.0f}.json'
+        hide(bags[-1], truth, small, 401, {'gear_eccentricity': 1e-3}, duration)
+    out = tmp_path / 'out.json'
+    words = [*map(str, bags), '--machine', str(small), '--json', str(out)]
+    assert main(['diagnose', *words]) == 0
+    found = json.loads(out.read_text(encoding='utf-8'))
+    (effect,) = found['effects']
+    assert effect['cause'] == 'gear_eccentricity'
+    assert effect['parameters']['amplitude_m']['value'] == pytest.approx(1e-3, rel=0.25)
+    assert all(one['searched'] for one in found['by_recording'])

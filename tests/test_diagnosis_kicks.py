@@ -1,10 +1,11 @@
 """Leaving a hollow: one tolerance is turned far, with the effects in the run."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import polish
+from escalator_twin.diagnosis import polish, tuning
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.tuning import far_turns
 
@@ -56,3 +57,60 @@ def test_a_turn_that_gains_enough_is_followed(monkeypatch, level, is_followed):
     assert found == ({'roller.contact': -1.0} if is_followed else None)
     # what a known effect stands for is in its size, and what hardly shows is left
     assert set(seen) == {'chain.mass', 'roller.contact'}
+
+
+@pytest.mark.parametrize(('most', 'kicks'), [(2e4, len(tuning.KICKS)), (9e3, 0)])
+def test_beside_what_leads_far_above_all_else_no_tolerance_is_turned_far(monkeypatch, most, kicks):
+    turns = []
+
+    class Search:
+        def descend(self, turned, _cut_hz=None):
+            return turned, 1e4, place(1e4)
+
+        def kicked(self, _start, by):
+            turns.append(by)
+            return {}, 1e4
+
+    monkeypatch.setattr(tuning, '_Search', lambda *_: Search())
+    monkeypatch.setattr(tuning, '_doubted', lambda lean: lean)
+    monkeypatch.setattr(tuning, 'replace', lambda search, **_: search)
+    begun = place(1e4)
+    begun.model, begun.stage.lean = None, lambda _: None
+    turned, level = tuning.coarse_to_fine(None, begun, most=most)
+    assert len(turns) == kicks
+    assert (turned, level) == (begun.stage.turned, 1e4)
+
+
+@pytest.mark.parametrize(
+    ('level', 'turned', 'before', 'goes_on'),
+    [
+        (polish.HOPELESS * 1e3 - 1.0, 0.0, 1e4, True),
+        (polish.HOPELESS * 1e3, 0.0, 1e4, False),
+        (polish.HOPELESS * 1e3, 0.8, 1e4, False),
+        (polish.HOPELESS * 1e3, 1.2, 1e4, True),  # the size takes it over, and more may follow
+        (polish.HOPELESS * 1e3, 1.2, polish.HOPELESS * 1.02e3, False),  # but that led nowhere
+    ],
+)
+def test_what_leads_far_above_all_else_is_left_where_no_more_may_follow(
+    level, turned, before, goes_on
+):
+    asked = []
+
+    class Fit:
+        def tuned(self, _effects, _held, _jobs, _rounds, most):
+            assert most == polish.HOPELESS * 1e3
+            return {'guide.upper_landing_m': turned}, level
+
+        def taken_anew(self, *_):
+            asked.append('anew')
+            return self
+
+        def beside(self, *_):
+            return place(900.0)
+
+    begun = place(before)
+    begun.stage.tolerances = {'guide.upper_landing_m': 1e-3}
+    landing = replace(LANDING, fitted=('delta_m',))
+    found = polish.approach(Fit(), begun, (landing,), most=1e3)
+    assert bool(asked) == goes_on
+    assert (found[1] is begun) == (not goes_on)

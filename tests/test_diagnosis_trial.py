@@ -181,7 +181,7 @@ def test_what_tolerances_lead_far_above_is_not_fitted(monkeypatch, led_to, steps
             return None
 
     monkeypatch.setattr(polish, 'JointFit', Fit)
-    monkeypatch.setattr(polish, 'led', lambda fit, place, effects, _: (fit, place, effects))
+    monkeypatch.setattr(polish, 'led', lambda fit, place, effects, *_: (fit, place, effects))
     monkeypatch.setattr(polish, 'judged', lambda place, _: place.level)
     found = polish.polish(None, [ROLLING], {}, most=fitting.MOST_LED * 1e3)
     assert len(done) == steps

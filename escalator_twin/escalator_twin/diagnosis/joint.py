@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -120,11 +121,16 @@ class JointFit:
         return place if self.free is None else self.free(place)
 
     def tuned(
-        self, effects: Sequence[Proposal], held: Collection[str], jobs: int, rounds: int = ROUNDS
-    ) -> dict[str, float]:
+        self,
+        effects: Sequence[Proposal],
+        held: Collection[str],
+        jobs: int,
+        rounds: int = ROUNDS,
+        most: float = inf,
+    ) -> tuple[dict[str, float], float]:
         """Return the tolerances that the machine with the effects fits best with, from none.
 
-        ``rounds``: see `coarse_to_fine`.
+        ``rounds``, ``most`` and what is returned: see `coarse_to_fine`.
         """
         plain, nominal = self, self.context.nominal
         if nominal is not None:
@@ -134,7 +140,7 @@ class JointFit:
             plain = plain.taken_anew(effects, {}, jobs)  # the rail acts as in that machine too
         place = plain.beside(effects, {})
         return coarse_to_fine(
-            plain.context, place, self.deviations(effects), jobs, held, self.free, rounds=rounds
+            plain.context, place, self.deviations(effects), jobs, held, self.free, rounds, most
         )
 
     def columns(self, place: Beside, effects: Sequence[Proposal], jobs: int = 1) -> np.ndarray:

@@ -10,6 +10,7 @@ there.
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -54,7 +55,8 @@ def coarse_to_fine(
     held: Collection[str] = (),
     free: Free | None = None,
     rounds: int = ROUNDS,
-) -> dict[str, float]:
+    most: float = inf,
+) -> tuple[dict[str, float], float]:
     """Return the tolerances, standard deviations, at which a machine comes nearest to a recording.
 
     Parameters
@@ -72,6 +74,14 @@ def coarse_to_fine(
         Frees the nuisance that effects of the measurement stand for.
     rounds : int
         In which tolerances are turned far, to leave a hollow.
+    most : float
+        Chi squared: where slopes lead to more, none is turned far.
+
+    Returns
+    -------
+    turned : mapping of tolerance to float
+    level : float
+        Chi squared there.
     """
     lean = _doubted(place.stage.lean(place.model))
     search = _Search(context, place, lean, deviations, jobs, held, free)
@@ -80,14 +90,14 @@ def coarse_to_fine(
     slow_alone = replace(search, held=(*held, *fast))
     for cut in CUTS_HZ:
         if cut < BAND_HZ:
-            turned, _ = slow_alone.descend(turned, cut)
-    turned, start = search.descend(turned)
-    for kick in KICKS[:rounds]:
+            turned, _, _ = slow_alone.descend(turned, cut)
+    turned, level, start = search.descend(turned)
+    for kick in KICKS[:rounds] if level < most else ():
         start = start or search.at(turned)
-        kicked, level = search.kicked(start, kick)
-        if level < quiet_chi2(start) - WORTH_A_ROUND:
-            turned, start = search.descend(kicked)
-    return dict(turned)
+        kicked, there = search.kicked(start, kick)
+        if there < quiet_chi2(start) - WORTH_A_ROUND:
+            turned, level, start = search.descend(kicked)
+    return dict(turned), level
 
 
 def _doubted(lean: Stage) -> Stage:
@@ -131,17 +141,18 @@ class _Search:
 
     def descend(
         self, turned: Mapping[str, float], cut_hz: float | None = None
-    ) -> tuple[Mapping[str, float], Beside | None]:
-        """Step down by slopes; return where that ends, and the machine there where it was run."""
+    ) -> tuple[Mapping[str, float], float, Beside | None]:
+        """Step down by slopes; return where that ends, chi squared, and the machine where it was run."""
+        level = inf
         for _ in range(MOST_STEPS if cut_hz is None else 1):
             start = self.at(turned, cut_hz)
             stepped = _step(start)
             if stepped is None:
-                return start.stage.turned, start
+                return start.stage.turned, quiet_chi2(start), start
             turned, level = stepped
             if quiet_chi2(start) - level < SETTLED:
                 break
-        return turned, None
+        return turned, level, None
 
     def kicked(self, start: Beside, by: float) -> tuple[dict[str, float], float]:
         """Return the tolerances with some turned far, those that explain most, and chi squared.
@@ -222,7 +233,7 @@ def tuned(
     place : Beside
     """
     place = start or beside(context, deviations, steps=0, turned=turned)
-    way = coarse_to_fine(context, place, deviations, jobs, held)
+    way, _ = coarse_to_fine(context, place, deviations, jobs, held)
     near = with_own_tolerances(context, deviations, jobs, way)
     # one more step turns all of them
     after = beside(near, deviations, steps=0 if held else 1, turned=way)
