@@ -264,11 +264,11 @@ def _free(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]
     """Return the fit without the tolerances that effects stand for, and which columns it has."""
     names = place.stage.nuisance.names
     fitted, kept = place.fitted, list(range(len(names)))
-    for effect in effects:
-        if effect.nuisance in names:
-            index = kept.index(names.index(str(effect.nuisance)))
-            fitted = fitted.without(index)
-            kept.pop(index)
+    # what is sought afar may be of the cause of a known effect: both stand for one tolerance then
+    for name in {str(effect.nuisance) for effect in effects} & set(names):
+        index = kept.index(names.index(name))
+        fitted = fitted.without(index)
+        kept.pop(index)
     return fitted, kept
 
 

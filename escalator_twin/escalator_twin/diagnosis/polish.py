@@ -152,7 +152,12 @@ def approach(
     see `polish`.
     """
     way, level = fit_one.tuned(effects, held, jobs, rounds, HOPELESS * most)
-    sized = tuple(taken_over(e, way, place.stage.tolerances) for e in effects)
+    # of two effects that stand for one tolerance the last takes it over
+    last = {e.nuisance: k for k, e in enumerate(effects)}
+    sized = tuple(
+        taken_over(e, way, place.stage.tolerances) if last[e.nuisance] == k else e
+        for k, e in enumerate(effects)
+    )
     if level >= HOPELESS * most:
         leads_on = is_far(effects, sized) and level < FALLS * judged(place, effects)
         if not leads_on:
