@@ -265,10 +265,11 @@ def _free(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]
     names = place.stage.nuisance.names
     fitted, kept = place.fitted, list(range(len(names)))
     # what is sought afar may be of the cause of a known effect: both stand for one tolerance then
-    for name in {str(effect.nuisance) for effect in effects} & set(names):
-        index = kept.index(names.index(name))
-        fitted = fitted.without(index)
-        kept.pop(index)
+    for name in dict.fromkeys(str(effect.nuisance) for effect in effects):
+        if name in names:
+            index = kept.index(names.index(name))
+            fitted = fitted.without(index)
+            kept.pop(index)
     return fitted, kept
 
 
