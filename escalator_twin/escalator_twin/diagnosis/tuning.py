@@ -195,7 +195,7 @@ def most_explaining(
     now = start.stage.turned
 
     def level(way: Mapping[str, float]) -> float:
-        return _level(start, replace(start.stage, turned={**now, **way}))
+        return level_of(start, replace(start.stage, turned={**now, **way}))
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         levels = list(pool.map(level, ways))
@@ -272,13 +272,13 @@ def _step(place: Beside) -> tuple[Mapping[str, float], float] | None:
     before = quiet_chi2(place)
     for share in STEP_SHARES:
         stage = place.stage.tuned(place.fitted, share)
-        level = _level(place, stage)
+        level = level_of(place, stage)
         if level < before:
             return stage.turned, level
     return None
 
 
-def _level(place: Beside, stage: Stage) -> float:
+def level_of(place: Beside, stage: Stage) -> float:
     """Return chi squared of a trial: a machine as at ``place``, its tolerances turned otherwise.
 
     The alignment is kept while tolerances are tuned, and may be some millimetres off until they are: near

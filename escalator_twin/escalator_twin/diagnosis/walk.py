@@ -26,6 +26,7 @@ from escalator_twin.diagnosis.found import (
 )
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
+from escalator_twin.diagnosis.hollows import out_of_hollow
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.remnants import without_remnants
@@ -95,6 +96,8 @@ class Bench:
     begin : callable
         Takes a comparison and effects; returns the tolerances, standard deviations, from which
         what the effects gain is counted.
+    nearer : callable, optional
+        See `out_of_hollow`.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
@@ -103,6 +106,7 @@ class Bench:
     bare: Callable[[Beside, Sequence[Proposal]], Beside]
     decide: Callable[[Context, Proposal, Proposal | None], Further | None]
     begin: Callable[[Beside, Sequence[Proposal]], Mapping[str, float]]
+    nearer: Callable[[Context, Beside, Tried, int], tuple[Context, Beside] | None] | None = None
 
 
 def walk(
@@ -140,6 +144,7 @@ def walk(
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     left: Found | None = None
+    is_first = not (start or suggested)
     for _ in range(MOST_ROUNDS):
         bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
         is_left = bounds.is_open or bounds.is_hidden
@@ -189,13 +194,20 @@ def walk(
         if not weighed or weighed[0].probability < ACCEPT:
             break
         top = weighed[0]
+        match = _match(top, tried)
+        if is_first and match is not None and bench.nearer is not None:
+            nearer = bench.nearer(context, place, match, jobs)
+            if nearer is not None:  # once: the round begins anew beside it
+                is_first, (context, place) = False, nearer
+                before = place
+                continue
+        is_first = False
         cause = top.proposal.cause
         if bounds.is_left_over(cause, top.gain):
             left = _left(weighed, tried)
             break
         if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
-        match = _match(top, tried)
         found.append(_found(weighed, match))
         polished = None if match is None else match.polished
         if polished is None:
@@ -309,4 +321,4 @@ def as_tuned(place: Beside, _: Sequence[Proposal]) -> Mapping[str, float]:
     return place.stage.turned
 
 
-LINKED = Bench(propose, try_all, fit_again, as_it_is, decide_between, as_tuned)
+LINKED = Bench(propose, try_all, fit_again, as_it_is, decide_between, as_tuned, out_of_hollow)
