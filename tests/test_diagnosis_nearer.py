@@ -11,6 +11,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.walk import Bench, walk
+from escalator_twin.errors import EscalatorError
 
 pytestmark = pytest.mark.issue(6)
 
@@ -71,6 +72,16 @@ def test_tolerances_that_take_most_without_the_effect_are_the_machines(
         context, place = found
         assert context.place is place
         assert place.stage.turned == {'chain.mass': 1.1, **own}
+
+
+def test_tolerances_that_no_machine_runs_with_end_no_diagnosis(monkeypatch):
+    def level_of(*_):
+        raise EscalatorError('the simulation diverged')
+
+    monkeypatch.setattr(hollows, 'quiet_chi2', lambda place: place.left)
+    monkeypatch.setattr(hollows, 'level_of', level_of)
+    monkeypatch.setattr(hollows, 'replace', lambda *_, **__: None)
+    assert hollows.out_of_hollow(None, Level.of(14100.0), fitted(STEP, 11500.0)) is None
 
 
 def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):

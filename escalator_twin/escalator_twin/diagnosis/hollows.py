@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.tuning import level_of
 from escalator_twin.diagnosis.verdict import neutral_of
+from escalator_twin.errors import EscalatorError
 
 # Of what an effect explains: where its tolerances take more without it, it is judged beside these.
 SHARE = 0.5
@@ -52,10 +53,15 @@ def out_of_hollow(
     now = quiet_chi2(place)
     most = now - SHARE * (now - quiet_chi2(tried.polished.place))
     turned = _turned(tried.proposal, tried.polished.place.stage)
-    if most >= now or level_of(place, replace(place.stage, turned=turned)) >= most:
+    if most >= now:
         return None
-    near = with_own_tolerances(context, (), jobs, turned)
-    after = beside(near, steps=1, turned=turned)
+    try:
+        if level_of(place, replace(place.stage, turned=turned)) >= most:
+            return None
+        near = with_own_tolerances(context, (), jobs, turned)
+        after = beside(near, steps=1, turned=turned)
+    except EscalatorError:  # no machine runs with these: what leads is judged as it is
+        return None
     if quiet_chi2(after) >= most:
         return None
     return replace(near, place=after), after

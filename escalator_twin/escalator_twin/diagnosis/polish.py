@@ -23,7 +23,7 @@ APPROACHES = 3  # beside an effect that takes a tolerance over: each leads as fa
 ANEW = 2  # times that the tolerances' effect is taken anew on the way
 SETTLED = 3.0  # chi squared: a step that gains less ends the fit
 # Times the chi squared above which nothing is fitted: where slopes lead to more, turning tolerances far does not
-# make up for it either: it took 23 % off at most where that was looked at.
+# make up for it either. It took 23 % off at most where that was looked at.
 HOPELESS = 1.6
 # Of chi squared, unless an effect took over so much of a tolerance that more may follow, and that much less is left.
 FALLS = 0.95
