@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.signals import make_signal
 from escalator_twin.sync.ground import scan_shift
-from escalator_twin.sync.place import find_place, scores_of
+from escalator_twin.sync.place import find_place, fits_of, score_of
 from escalator_twin.sync.template import make_template, Templates
 from escalator_twin.sync.timeline import Clock, time_one, Timed
 from escalator_twin.sync.travel import fit_travel, Ground, Guess, Travel
@@ -71,13 +71,38 @@ def test_one_inverted_and_one_wrong_channel_do_not_move_the_place():
     assert place.start_m == pytest.approx(5.0, abs=0.02)
 
 
-def test_score_is_the_squared_correlation():
+def test_a_fit_is_the_squared_correlation_and_the_slope():
     rng = np.random.default_rng(3)
     loop, measured = rng.standard_normal(50), rng.standard_normal(130)
-    expected = [
-        np.corrcoef(measured, loop[(np.arange(130) + k) % 50])[0, 1] ** 2 for k in range(50)
-    ]
-    assert scores_of(measured, loop) == pytest.approx(np.array(expected), abs=1e-9)
+    rows = [loop[(np.arange(130) + k) % 50] for k in range(50)]
+    squared, gain = fits_of(measured, loop)
+    assert squared == pytest.approx([np.corrcoef(measured, r)[0, 1] ** 2 for r in rows], abs=1e-9)
+    assert gain == pytest.approx([np.polyfit(r, measured, 1)[0] for r in rows], abs=1e-9)
+
+
+def test_an_odd_gain_tells_less_than_a_fair_one_and_more_than_none():
+    fair, small, inverted, none = (
+        float(score_of(np.array([r2]), np.array([gain]))[0])
+        for r2, gain in ((0.99, 0.8), (0.99, 0.2), (0.99, -1.0), (0.0, 0.0))
+    )
+    assert fair == pytest.approx(-np.log(0.011))
+    assert small == inverted == pytest.approx(fair - np.log(20.0))
+    assert none == 0.0
+    # by a little more than a factor of two the residual grows by what is missing
+    (near,) = score_of(np.array([0.99]), np.array([2.2]))
+    assert near == pytest.approx(-np.log(0.011 + 0.99 * (1.0 - 2.0 / 2.2) ** 2))
+
+
+def test_rising_forces_are_not_taken_for_falling_ones():
+    # a straight run down and one up, which the twin has a little less straight than it is
+    loop = np.arange(0.0, LOOP, 0.02)
+    half = len(loop) // 2
+    ramp = np.abs(loop - loop[half])
+    twin = ramp + np.where(loop > loop[half], 0.1 * np.sin(2.0 * np.pi * loop / PITCH), 0.0)
+    start, n = half + 100, 350
+    measured = {f'c{k}': ramp[start : start + n] for k in range(2)}
+    place = find_place(measured, {f'c{k}': twin for k in range(2)}, 0.02, PITCH)
+    assert loop[half] <= place.start_m <= LOOP - 0.02 * n
 
 
 def test_place_without_a_common_channel_is_refused():

@@ -24,8 +24,8 @@ def threads(*_, **__):
 @pytest.mark.parametrize(
     ('module', 'first', 'verb', 'given'),
     [
-        (diagnose, '_placed', diagnose.diagnose_recording, 2),
-        (confirm, 'load_floor', confirm.confirm_recording, 3),
+        (diagnose, 'locate', diagnose.diagnose_recording, 2),
+        (confirm, 'locate', confirm.confirm_recording, 3),
     ],
 )
 def test_a_diagnosis_runs_on_one_thread_each(monkeypatch, module, first, verb, given):

@@ -85,7 +85,7 @@ def fit_bags(
     groups: Groups,
     jobs: int = 1,
 ) -> Together | None:
-    """Fit what searches name to all of their recordings; see `fitted_together`."""
+    """Fit what searches name to all of their recordings that have a certain place; see `fitted_together`."""
     machine = load_machine(machine_path)
     floor = load_floor(machine)
 
@@ -94,7 +94,12 @@ def fit_bags(
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         contexts = list(pool.map(context_of, paths))
-    return fitted_together(contexts, scouts, groups, jobs)
+    placed = [k for k, context in enumerate(contexts) if context.setting.is_certain]
+    if not any(scouts[k] for k in placed):
+        return None
+    return fitted_together(
+        [contexts[k] for k in placed], [scouts[k] for k in placed], groups, jobs
+    )
 
 
 def experiment_of(path: str, machine_path: str) -> Experiment | None:
@@ -276,7 +281,10 @@ def diagnose_together(
     rows = {k: searched_row(s) for k, s in looked.scouts.items()}
     rows |= {k: confirmed_row(c) for k, c in looked.confirmed.items()}
     seen = looked.fitted | looked.scouts.keys()
-    by_recording = [{**rows[k], 'fitted': k in seen} for k in range(n)]
+    by_recording = [
+        {**rows[k], 'fitted': k in seen and rows[k]['document']['place_is_certain']}
+        for k in range(n)
+    ]
     unseen = [c for k, c in looked.confirmed.items() if k not in seen]
     document = {
         'recordings': [row.pop('document') for row in by_recording],

@@ -58,7 +58,9 @@ def show(document: Document) -> str:
         other = f', or {" or ".join(effect["alternatives"])}' if effect['alternatives'] else ''
         where = f' at {place}' if place else ''
         lines.append(f'{effect["cause"]}{where}: {sizes}; p {effect["probability"]:.2f}{other}')
-    if not document['effects']:
+    unplaced = [row['path'] for row in document['recordings'] if not row['place_is_certain']]
+    lines += [f'{path}: its place in the loop is not certain: not judged' for path in unplaced]
+    if not document['effects'] and len(unplaced) < len(document['recordings']):
         lines.append('nothing is named: within tolerance, or of no known cause')
     rest = document['unexplained']
     if rest['significant']:

@@ -14,7 +14,6 @@ from escalator_twin.comparison.riding import ride_document
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Floats, Recording
-from escalator_twin.sync.place import CLEAR
 from escalator_twin.sync.travel import Ground
 
 SCHEMA = 'escalator_twin/compare/1'
@@ -57,10 +56,10 @@ def recording_document(
             'low': travel.low_m_s,
             'high': travel.high_m_s,
         },
-        'start_s_m': judgement.start_s_m if setting.lead >= CLEAR else None,
+        'start_s_m': judgement.start_s_m if setting.is_certain else None,
         'clock': clock_document(clock, judgement.by_signals),
         'place_lead': setting.lead if np.isfinite(setting.lead) else None,
-        'place_is_certain': bool(setting.lead >= CLEAR),
+        'place_is_certain': bool(setting.is_certain),
         'sensor_pose': {k: list(v) for k, v in judgement.pose.items()},
         'channels': {c: dict(s) for c, s in judgement.scores.items()},
         'sides': {link: asdict(side) for link, side in judgement.sides.items()},

@@ -17,7 +17,7 @@ from escalator_twin.metrics.filters import lowpass
 from escalator_twin.physics.course import course_of
 from escalator_twin.signals import Experiment, Finding, Floats, Recording
 from escalator_twin.sync.ground import scan_shift
-from escalator_twin.sync.place import find_place, Place
+from escalator_twin.sync.place import clear_lead, find_place, Place
 from escalator_twin.sync.speed import estimate_speed, SpeedEstimate
 from escalator_twin.sync.template import make_template, Template, Templates
 from escalator_twin.sync.timeline import Clock, origin_ns, time_all, Timed
@@ -74,6 +74,16 @@ class Setting:
     travel: Travel
     lead: float
     findings: tuple[Finding, ...]
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the recording cannot be a pitch or more away from where it was placed."""
+        return self.lead >= self.least_lead
+
+    @property
+    def least_lead(self) -> float:
+        """The lead by which its place is certain."""
+        return clear_lead(self.duration_s - 2.0 * LEAD_S)
 
 
 MakeLoop = Callable[[Machine, Experiment], Template]

@@ -13,6 +13,7 @@ import numpy as np
 
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.comparison.judge import judge
+from escalator_twin.comparison.locate import locate
 from escalator_twin.diagnosis.context import (
     Beside,
     beside,
@@ -39,7 +40,7 @@ from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.tuning import tuned
-from escalator_twin.diagnosis.unexplained import holds_more, is_open, look, Unexplained
+from escalator_twin.diagnosis.unexplained import holds_more, is_open, look, NOT_JUDGED, Unexplained
 from escalator_twin.diagnosis.view import View
 from escalator_twin.diagnosis.waves import DRIVE
 from escalator_twin.machine import Machine
@@ -105,11 +106,12 @@ def confirm_recording(
     shared : mapping of tolerance to float, optional
         Standard deviations by which other recordings have the machine's turned beside the effects.
     """
-    context = prepare_tolerances(recording, machine, load_floor(machine))
-    experiment = context.setting.experiment
-    trace = run_beside(machine, experiment, context.setting)
-    judgement = judge(context.setting, trace, machine)
-    document = recording_document(recording, context.setting, judgement, machine)
+    setting = locate(recording, machine)
+    judgement = judge(setting, run_beside(machine, setting.experiment, setting), machine)
+    document = recording_document(recording, setting, judgement, machine)
+    if not setting.is_certain:
+        return _unplaced(document, effects, tuple(faults_of(setting, machine)))
+    context = prepare_tolerances(recording, machine, load_floor(machine), setting=setting)
     start = beside(context, steps=0)
     plain_context, before = tuned(context, start=start)
     waves = {k: _wave(before, e) for k, e in enumerate(effects) if e.cause in DRIVE}
@@ -163,6 +165,15 @@ def confirm_recording(
         rolled(after, [told[k] for k in range(len(here))]),
         holds_more(after, context.floor, [str(e.nuisance) for e in here]),
     )
+
+
+def _unplaced(
+    document: dict[str, Any], effects: Sequence[Proposal], faults: tuple[Fault, ...]
+) -> Confirmed:
+    """Return what a recording says whose place in the loop is not certain: nothing of the effects' sizes."""
+    held = HeldOut('its place in the loop is not certain', 0, None)
+    unknown = tuple(dict[str, float]() for _ in effects)
+    return Confirmed(document, tuple(effects), unknown, NOT_JUDGED, held, faults, {})
 
 
 def _beside_shared(

@@ -7,6 +7,7 @@ from typing import Any
 
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.comparison.judge import judge
+from escalator_twin.comparison.locate import locate, Setting
 from escalator_twin.diagnosis.bodies.context import prepare as prepare_bodies
 from escalator_twin.diagnosis.bodies.running import whole_trace
 from escalator_twin.diagnosis.bodies.search import FREE_BODIES
@@ -23,8 +24,15 @@ from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.stage import run_beside
-from escalator_twin.diagnosis.telling import candidates, told, told_fault, would_change
-from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
+from escalator_twin.diagnosis.telling import (
+    candidates,
+    no_place,
+    told,
+    told_fault,
+    weighed_fault,
+    would_change,
+)
+from escalator_twin.diagnosis.unexplained import belief_beside, look, NOT_JUDGED, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
 from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
 from escalator_twin.errors import NotYetError
@@ -71,6 +79,8 @@ class Diagnosis:
         See `Walked`.
     level : float
         Chi squared beside all that was found, in the channels that no rattling shakes.
+    is_placed : bool
+        Without a certain place in the loop nothing of the machine was sought.
     """
 
     document: dict[str, Any]
@@ -86,6 +96,7 @@ class Diagnosis:
     rolled: Rolled | None = None
     left: Found | None = None
     level: float = 0.0
+    is_placed: bool = True
 
 
 @one_thread_each
@@ -122,7 +133,12 @@ def diagnose_recording(
         if progress is not None:
             progress(1.0 + 5.0 * done / total, STAGES)
 
-    context, trace, bench = _placed(recording, machine, jobs, tell)
+    setting = None
+    if not isinstance(machine, MultibodyMachine):
+        setting = locate(recording, machine)
+        if not setting.is_certain:
+            return unplaced(recording, machine, setting)
+    context, trace, bench = _placed(recording, machine, jobs, tell, setting)
     judgement = judge(context.setting, trace, machine)
     document = recording_document(recording, context.setting, judgement, machine)
     walked = walk(context, jobs, bench=bench, suggested=suggested)
@@ -160,6 +176,27 @@ def diagnose_recording(
     )
 
 
+def unplaced(recording: Recording, machine: Machine, setting: Setting) -> Diagnosis:
+    """Return what can be said of a recording whose place in the loop is not certain.
+
+    Beside a machine that is a pitch away everything differs: only faults of the measurement that show without it
+    are told.
+    """
+    judgement = judge(setting, run_beside(machine, setting.experiment, setting), machine)
+    faults = sorted(faults_of(setting, machine), key=lambda fault: -fault.probability)
+    return Diagnosis(
+        recording_document(recording, setting, judgement, machine),
+        [told_fault(fault) for fault in faults],
+        [weighed_fault(fault) for fault in faults],
+        NOT_JUDGED,
+        (),
+        None,
+        tuple(faults),
+        would_change=[no_place(setting)],
+        is_placed=False,
+    )
+
+
 def left_open(
     context: Context, walked: Walked, named: Sequence[tuple[Found, float]], rest: Unexplained
 ) -> Unexplained:
@@ -173,7 +210,7 @@ def left_open(
 
 
 def _placed(
-    recording: Recording, machine: Machine, jobs: int, tell: Progress
+    recording: Recording, machine: Machine, jobs: int, tell: Progress, setting: Setting | None
 ) -> tuple[Context, Trace, Bench]:
     """Place a recording; return it, the machine's run beside it, and what its kind needs."""
     floor = load_floor(machine)
@@ -185,7 +222,7 @@ def _placed(
             )
         found = prepare_bodies(recording, machine, floor, jobs, tell)
         return found, whole_trace(machine, found.runs), FREE_BODIES
-    context = prepare(recording, machine, floor, jobs, tell)
+    context = prepare(recording, machine, floor, jobs, tell, setting)
     return context, run_beside(machine, context.setting.experiment, context.setting), LINKED
 
 

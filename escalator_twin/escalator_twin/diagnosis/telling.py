@@ -7,6 +7,7 @@ import numpy as np
 
 from escalator_twin.causes.base import Parameter
 from escalator_twin.causes.registry import KNOWN
+from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.contenders import ACCEPT
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
@@ -164,6 +165,23 @@ def told_fault(fault: Fault) -> dict[str, Any]:
     }
 
 
+def weighed_fault(fault: Fault) -> dict[str, Any]:
+    """Return a fault of the measurement among what was weighed."""
+    return {
+        'cause': fault.cause,
+        'location': dict(fault.location),
+        'probability': fault.probability,
+    }
+
+
+def no_place(setting: Setting) -> str:
+    """Return what would change the verdict on a recording whose place in the loop is not certain."""
+    return (
+        f'a longer recording, or one with more channels: its place in the loop is not certain '
+        f'(it leads by {setting.lead:.2f}, expected at least {setting.least_lead:.2f})'
+    )
+
+
 def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
     """Return what speaks for and against a candidate, in words."""
     size = size_in_tolerances(weighed.proposal)
@@ -217,10 +235,6 @@ def candidates(
     for rival in walked.weighed:
         add(rival, LEFT_OVER if rival.probability >= ACCEPT else 1.0)
     for fault in faults:
-        rows[fault.cause, str(fault.location)] = {
-            'cause': fault.cause,
-            'location': dict(fault.location),
-            'probability': fault.probability,
-        }
+        rows[fault.cause, str(fault.location)] = weighed_fault(fault)
     ordered = sorted(rows.values(), key=lambda row: -row['probability'])
     return ordered[:MOST_CANDIDATES]

@@ -60,6 +60,9 @@ class Unexplained:
         return self.above + (self.above_shaken if cause in SHAKING else 0.0)
 
 
+NOT_JUDGED = Unexplained(False, 0.0, 0.0, {})  # of a recording that no machine was put beside
+
+
 def belief_beside(explained: float) -> float:
     """Return what is left of a name's probability beside the share of what is above a good machine's that names explain."""
     return min(max((explained - NO_BELIEF) / (FULL_BELIEF - NO_BELIEF), 0.0), 1.0)
