@@ -199,6 +199,25 @@ def test_in_how_many_recordings_a_cause_shows_is_one_sentence(tmp_path):
     assert not re.search(r'<h4>(Recordings|Of|Seconds)</h4>', html)
 
 
+def test_what_has_no_place_is_not_called_good(tmp_path):
+    told = diagnosis(recording(place_is_certain=False))
+    told |= {'effects': [], 'unexplained': {'significant': False, 'share': 0.0, 'signature': {}}}
+    html, page = make(tmp_path, told)
+    assert 'within tolerance' not in page.text
+    assert 'Not judged, since the place in the loop is not certain: low_up_empty_lo.' in page.text
+    assert 'Not judged: the place in the loop is not certain.' in page.text
+    words = Reader(html.split('<dl class="tiles">')[1].split('</dl>')[0]).text
+    assert 'not judged' in words
+
+
+def test_of_two_recordings_the_one_without_a_place_is_told(tmp_path):
+    told = joint_diagnosis()
+    told['recordings'][1]['place_is_certain'] = False
+    html, page = make(tmp_path, told)
+    assert page.text.count('not judged') == 1
+    assert 'Not judged, since the place in the loop is not certain' in page.text
+
+
 @pytest.mark.parametrize('is_unexplained', [False, True])
 def test_the_summary_calls_good_only_what_leaves_nothing_open(tmp_path, is_unexplained):
     told = diagnosis()

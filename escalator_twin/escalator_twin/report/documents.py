@@ -210,3 +210,18 @@ def rows(value: Any) -> list[Json]:
 def numbers(value: Any) -> list[float | None]:
     """Return the numbers of a list, ``None`` in the place of anything else."""
     return [number(item) for item in value] if isinstance(value, list) else []
+
+
+def unplaced(entry: Entry) -> list[str]:
+    """Return the cases, or else paths, of a diagnosis's recordings whose place in the loop is not certain."""
+    return [
+        text(row.get('case_id')) or text(row.get('path'))
+        for row in rows(entry.data.get('recordings'))
+        if row.get('place_is_certain') is False
+    ]
+
+
+def is_judged(entry: Entry) -> bool:
+    """Tell whether a diagnosis put any of its recordings beside the machine."""
+    missing = unplaced(entry)
+    return not missing or len(missing) < len(rows(entry.data.get('recordings')))

@@ -35,6 +35,7 @@ def _recording(entry: Entry, index: int, row: Json) -> Context:
             }
             for effect in rows(row.get('effects'))
         ],
+        'is_judged': table(same).get('place_is_certain') is not False,
         'is_unexplained': rest.get('significant') is True,
         'share': number(rest.get('share')),
         'best': _best(table(gain.get('channels'))),

@@ -1,7 +1,16 @@
 """The causes that a diagnosis names."""
 
 from escalator_twin.report.charts import whisker
-from escalator_twin.report.documents import Json, number, Page, rows, table, text
+from escalator_twin.report.documents import (
+    is_judged,
+    Json,
+    number,
+    Page,
+    rows,
+    table,
+    text,
+    unplaced,
+)
 from escalator_twin.report.section import Context, Section
 
 TOLD = ('cause', 'location', 'probability', 'alternatives', 'parameters', 'recordings', 'of')
@@ -17,6 +26,8 @@ def context(page: Page) -> Context | None:
                 'entry': entry,
                 'effects': [_effect(effect) for effect in rows(entry.data.get('effects'))],
                 'n_recordings': len(rows(entry.data.get('recordings'))),
+                'unplaced': unplaced(entry),
+                'is_judged': is_judged(entry),
                 'is_unexplained': table(entry.data.get('unexplained')).get('significant') is True,
             }
             for entry in page.diagnoses

@@ -4,7 +4,7 @@ from pathlib import PurePath
 import re
 
 from escalator_twin.report.channels import union
-from escalator_twin.report.documents import Entry, number, Page, rows, table, text
+from escalator_twin.report.documents import Entry, is_judged, number, Page, rows, table, text
 from escalator_twin.report.section import Context, Section
 
 # Words by which a case or its notes say that the recording was computed, not taken at a machine.
@@ -27,6 +27,7 @@ def context(page: Page) -> Context:
             for entry in page.diagnoses
             for effect in rows(entry.data.get('effects'))
         ],
+        'is_judged': any(is_judged(entry) for entry in page.diagnoses),
         'is_unexplained': any(
             table(entry.data.get('unexplained')).get('significant') is True
             for entry in page.diagnoses

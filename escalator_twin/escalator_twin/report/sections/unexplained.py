@@ -1,6 +1,6 @@
 """What no cause accounts for, and what else a diagnosis says."""
 
-from escalator_twin.report.documents import number, Page, table
+from escalator_twin.report.documents import is_judged, number, Page, table
 from escalator_twin.report.section import Context, Section
 
 TOLD_ELSEWHERE = (
@@ -27,6 +27,7 @@ def context(page: Page) -> Context | None:
         'rests': [
             {
                 'entry': entry,
+                'is_judged': is_judged(entry),
                 'unexplained': table(entry.data.get('unexplained')),
                 'share': number(table(entry.data.get('unexplained')).get('share')),
                 'signature': table(table(entry.data.get('unexplained')).get('signature')),
