@@ -3,13 +3,15 @@
 from dataclasses import replace
 import json
 
+from mcap.writer import Writer
 import numpy as np
 import pytest
 
-from escalator_twin import bagfile, pipeline
+from escalator_twin import bagfile, campaign, pipeline
 from escalator_twin.check.quality import quality
+from escalator_twin.comparison import locate
 from escalator_twin.comparison.document import recording_document
-from escalator_twin.errors import SynchronisationError
+from escalator_twin.errors import EscalatorError, RecordingError, SynchronisationError
 from escalator_twin.machine import load_machine
 from escalator_twin.physics.path import build_path
 
@@ -160,8 +162,8 @@ def test_outliers_that_the_force_hides_are_counted_beside_the_twin(sample, machi
     assert abs(off_mm(found, truth, machine)) < 15.0
 
 
-def test_a_second_of_signals_is_too_short(sample, machine):
-    recording, _ = sample
+def a_second_of(recording):
+    """Return the first second of a recording."""
     signals = {}
     for channel, s in recording.signals.items():
         n = 200
@@ -172,5 +174,35 @@ def test_a_second_of_signals_is_too_short(sample, machine):
             values=s.values[:n],
             parts=s.parts[:n],
         )
+    return replace(recording, signals=signals)
+
+
+def test_a_second_of_signals_is_too_short(sample, machine):
     with pytest.raises(SynchronisationError, match='expected at least'):
-        compared(replace(recording, signals=signals), machine)
+        compared(a_second_of(sample[0]), machine)
+
+
+@pytest.mark.issue(7)
+def test_what_cannot_be_placed_is_known_before_anything_is_simulated(sample, machine, monkeypatch):
+    recording, _ = sample
+    monkeypatch.setattr(locate, 'simulate_loop', None)
+    assert locate.checked(recording, machine) == recording.experiment
+    with pytest.raises(SynchronisationError, match='expected at least'):
+        locate.checked(a_second_of(recording), machine)
+    with pytest.raises(RecordingError, match='no message on the experiment topic'):
+        locate.checked(replace(recording, experiment=None), machine)
+
+
+@pytest.mark.issue(7)
+def test_of_several_recordings_one_without_a_place_ends_all_at_once(tmp_path, root, monkeypatch):
+    # before a search: what it cost would be lost
+    monkeypatch.setattr(campaign, 'look_together', None)
+    text = (root / 'config' / 'machines' / 'prototype.yaml').as_posix()
+    good = root / 'bags' / 'sample_clean'
+    bad = tmp_path / 'bad.mcap'
+    with bad.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    with pytest.raises(EscalatorError, match=r'bad\.mcap'):
+        campaign.diagnose_together([str(good), str(bad)], text)

@@ -213,7 +213,7 @@ def test_what_has_no_place_is_not_called_good(tmp_path):
 def test_of_two_recordings_the_one_without_a_place_is_told(tmp_path):
     told = joint_diagnosis()
     told['recordings'][1]['place_is_certain'] = False
-    html, page = make(tmp_path, told)
+    _, page = make(tmp_path, told)
     assert page.text.count('not judged') == 1
     assert 'Not judged, since the place in the loop is not certain' in page.text
 

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from escalator_twin import bagfile
+from escalator_twin.comparison.locate import checked
 from escalator_twin.diagnosis.campaign import (
     by_speed,
     choose_scouts,
@@ -102,9 +103,16 @@ def fit_bags(
     )
 
 
-def experiment_of(path: str, machine_path: str) -> Experiment | None:
-    """Return what was set when a recording was made."""
-    return bagfile.read(path, load_machine(machine_path)).experiment
+def experiment_of(path: str, machine_path: str) -> Experiment:
+    """Return what was set when a recording was made.
+
+    Raises
+    ------
+    RecordingError, SynchronisationError
+        Where it cannot be placed: known before hours of others' work are lost to it.
+    """
+    machine = load_machine(machine_path)
+    return checked(bagfile.read(path, machine), machine)
 
 
 @dataclass(frozen=True)
@@ -155,7 +163,7 @@ class Work:
         self.seed, self.jobs, self.pool = seed, jobs, pool
         self._progress, self._done, self.total = progress, 0.0, 1.0
 
-    def experiments(self) -> list[Experiment | None]:
+    def experiments(self) -> list[Experiment]:
         return list(
             self.pool.map(experiment_of, self.paths, [self.machine_path] * len(self.paths))
         )
@@ -249,7 +257,8 @@ def diagnose_together(
     is_linked = not isinstance(machine, MultibodyMachine)
     with ProcessPoolExecutor(max(1, min(jobs, n))) as pool:
         work = Work(paths, machine_path, seed, jobs, progress, pool)
-        chosen = choose_scouts(work.experiments()) if is_linked else list(range(n))
+        experiments = work.experiments()
+        chosen = choose_scouts(experiments) if is_linked else list(range(n))
         work.total = SEARCH_COST * len(chosen) + TOGETHER_COST + n - len(chosen)
         looked = look_together(work, chosen) if is_linked else search_all(work)
         effects = effects_of(looked.groups, looked.together)

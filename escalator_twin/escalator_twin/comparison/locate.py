@@ -113,17 +113,10 @@ def locate(
     SynchronisationError
         Where speed or place cannot be known.
     """
-    findings = quality(recording, machine)
-    recording, findings = mend(recording, machine, findings)
-    if recording.experiment is None:
-        raise RecordingError(
-            f'{recording.path}: no message on the experiment topic: direction, set speed, load '
-            f'and preload are not known'
-        )
-    origin = origin_ns(recording, machine)
-    clocks, comparisons = logger_clocks(recording, machine)
-    tracks = time_all(recording, machine, clocks, origin)
-    speed = _speed(tracks, machine, recording)
+    begun = _begin(recording, machine)
+    recording, findings, origin = begun.recording, begun.findings, begun.origin_ns
+    clocks, comparisons, tracks, speed = begun.clocks, begun.comparisons, begun.tracks, begun.speed
+    assert recording.experiment is not None
     experiment = replace(recording.experiment, set_speed_m_s=speed.value)
     if template is None:
         template = (make_loop or simulate_loop)(machine, experiment)
@@ -163,6 +156,48 @@ def locate(
         place.lead,
         (*findings, *wrong, *turned),
     )
+
+
+def checked(recording: Recording, machine: Machine) -> Experiment:
+    """Return what was set for a recording that can be placed, as far as that shows without the twin.
+
+    Raises
+    ------
+    RecordingError, SynchronisationError
+        As `locate`.
+    """
+    experiment = _begin(recording, machine).recording.experiment
+    assert experiment is not None
+    return experiment
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A recording whose clocks and speed are known."""
+
+    recording: Recording
+    findings: list[Finding]
+    origin_ns: int
+    clocks: Mapping[str, Clock]
+    comparisons: Mapping[str, ClockComparison]
+    tracks: dict[str, Timed]
+    speed: SpeedEstimate
+
+
+def _begin(recording: Recording, machine: Machine) -> _Begun:
+    """Find clocks and speed."""
+    findings = quality(recording, machine)
+    recording, findings = mend(recording, machine, findings)
+    if recording.experiment is None:
+        raise RecordingError(
+            f'{recording.path}: no message on the experiment topic: direction, set speed, load '
+            f'and preload are not known'
+        )
+    origin = origin_ns(recording, machine)
+    clocks, comparisons = logger_clocks(recording, machine)
+    tracks = time_all(recording, machine, clocks, origin)
+    speed = _speed(tracks, machine, recording)
+    return _Begun(recording, findings, origin, clocks, comparisons, tracks, speed)
 
 
 def fit_all(
