@@ -274,3 +274,36 @@ def test_locks_are_weighed_anew_where_the_wave_was_fitted_on(monkeypatch, cause,
     assert len(weighed) == 1 + is_anew
     # the other one leads now
     assert [t.gain for t in found] == ([9502.0, 9.5e3] if is_anew else [found[0].gain, 8988.0])
+
+
+@pytest.mark.parametrize(('at_bounds', 'begun'), [(2, 'led'), (3, 'none')])
+def test_tolerances_that_ran_into_their_bounds_are_not_begun_from(monkeypatch, at_bounds, begun):
+    # for want of a link 3 mm longer six had, and it was fitted from there with 3.30 mm
+    bounds = dict(zip('abc'[:at_bounds], (2.5, -2.5, 2.5), strict=False))
+    turned = {**bounds, 'd': 2.4}
+    place = SimpleNamespace(stage=SimpleNamespace(turned=turned))
+
+    class Fit:
+        def __init__(self, context, *_):
+            self.context = context
+
+        def taken_anew(self, effects, turned, jobs):
+            assert ([e.cause for e in effects], jobs) == (['roller_drag'], 2)
+            return Fit(dict(turned))
+
+        def beside(self, _, turned):
+            return SimpleNamespace(stage=SimpleNamespace(turned=turned))
+
+    def approach(fit_one, start, *_):
+        led = {k: 0.1 * z for k, z in start.stage.turned.items()}
+        return Fit('led'), SimpleNamespace(stage=SimpleNamespace(turned=led)), ()
+
+    monkeypatch.setattr(fitting, 'JointFit', Fit)
+    monkeypatch.setattr(fitting, 'approach', approach)
+    drag = Proposal('roller_drag', {'axle': 44, 'side': 'left'}, {'force_N': 120.0}, 1e3)
+    refined = Refined(drag, None, None, 1e3, {}, None, ())
+    context, found = fitting.approached('context', place, [], refined, 2)
+    none = dict.fromkeys(turned, 0.0)
+    expected = {'none': (none, none), 'led': ('led', {k: 0.1 * z for k, z in turned.items()})}
+    assert (context, found) == expected[begun]
+    assert found  # where nothing is held, a fit is led from none
