@@ -294,7 +294,7 @@ def test_tolerances_that_ran_into_their_bounds_are_not_begun_from(monkeypatch, a
         def beside(self, _, turned):
             return SimpleNamespace(stage=SimpleNamespace(turned=turned))
 
-    def approach(fit_one, start, *_):
+    def approach(_, start, *__):
         led = {k: 0.1 * z for k, z in start.stage.turned.items()}
         return Fit('led'), SimpleNamespace(stage=SimpleNamespace(turned=led)), ()
 
