@@ -276,34 +276,48 @@ def test_locks_are_weighed_anew_where_the_wave_was_fitted_on(monkeypatch, cause,
     assert [t.gain for t in found] == ([9502.0, 9.5e3] if is_anew else [found[0].gain, 8988.0])
 
 
-@pytest.mark.parametrize(('at_bounds', 'begun'), [(2, 'led'), (3, 'none')])
-def test_tolerances_that_ran_into_their_bounds_are_not_begun_from(monkeypatch, at_bounds, begun):
+@pytest.mark.parametrize(
+    ('at_bounds', 'gains', 'begun', 'fits'),
+    [
+        (2, {'led': 10.0, 'none': 20.0}, 'led', 2),
+        (3, {'led': 10.0, 'none': 20.0}, 'none', 3),
+        (3, {'led': 20.0, 'none': 10.0}, 'led', 3),
+    ],
+)
+def test_where_tolerances_ran_into_their_bounds_a_fit_begins_from_none_as_well(
+    monkeypatch, at_bounds, gains, begun, fits
+):
     # for want of a link 3 mm longer six had, and it was fitted from there with 3.30 mm
-    bounds = dict(zip('abc'[:at_bounds], (2.5, -2.5, 2.5), strict=False))
-    turned = {**bounds, 'd': 2.4}
+    turned = {**dict(zip('abc'[:at_bounds], (2.5, -2.5, 2.5), strict=False)), 'd': 2.4}
     place = SimpleNamespace(stage=SimpleNamespace(turned=turned))
+    drag, other = (
+        Refined(
+            Proposal('roller_drag', {'axle': axle, 'side': 'left'}, {'force_N': 120.0}, 1e3),
+            None, None, 1e3, {}, None, (),
+        )
+        for axle in (44, 45)
+    )  # fmt: skip
 
     class Fit:
         def __init__(self, context, *_):
             self.context = context
 
-        def taken_anew(self, effects, turned, jobs):
-            assert ([e.cause for e in effects], jobs) == (['roller_drag'], 2)
-            return Fit(dict(turned))
+        def taken_anew(self, effects, none, jobs):
+            assert ([e.location['axle'] for e in effects], jobs) == ([44], 2)
+            assert none == dict.fromkeys(turned, 0.0)
+            return Fit('none')
 
-        def beside(self, _, turned):
-            return SimpleNamespace(stage=SimpleNamespace(turned=turned))
+    done = []
 
-    def approach(_, start, *__):
-        led = {k: 0.1 * z for k, z in start.stage.turned.items()}
-        return Fit('led'), SimpleNamespace(stage=SimpleNamespace(turned=led)), ()
+    def fitted_beside(context, _, __, refined, begin, ___):
+        assert begin  # where nothing is held, a fit is led from none
+        done.append((context, refined.proposal.location['axle']))
+        return Tried(refined.proposal, gains[context], {})
 
     monkeypatch.setattr(fitting, 'JointFit', Fit)
-    monkeypatch.setattr(fitting, 'approach', approach)
-    drag = Proposal('roller_drag', {'axle': 44, 'side': 'left'}, {'force_N': 120.0}, 1e3)
-    refined = Refined(drag, None, None, 1e3, {}, None, ())
-    context, found = fitting.approached('context', place, [], refined, 2)
-    none = dict.fromkeys(turned, 0.0)
-    expected = {'none': (none, none), 'led': ('led', {k: 0.1 * z for k, z in turned.items()})}
-    assert (context, found) == expected[begun]
-    assert found  # where nothing is held, a fit is led from none
+    monkeypatch.setattr(trial, 'approached', lambda *_: ('led', {'a': 1.0}))
+    monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
+    found = trial._fitted_all('context', place, [], [drag, other], 2)
+    assert [t.gain for t in found] == [gains[begun]] * 2
+    assert done[-1] == (begun, 45)
+    assert len(done) == fits

@@ -12,8 +12,10 @@ from escalator_twin.diagnosis.fitting import (
     approached,
     fitted_beside,
     fitted_near,
+    is_astray,
     MOVES_RESONANCE,
     plain,
+    unturned,
 )
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import freed
@@ -171,16 +173,26 @@ def _fitted_all(
     """Fit the leading causes, each from tolerances of its own.
 
     Where all are of one link, axle or step, which hardly move the tolerances, they begin where these
-    fit beside the first.
+    fit beside the first; where these had gone astray for want of it, from there or from none, as it fits the first.
     """
-    turned = None
+    turned, fitted = None, list[Tried]()
     if leading and all(r.proposal.cause in LOCAL - set(DRIVE) for r in leading):
         context, turned = approached(context, place, known, leading[0], jobs)
+        if turned is not None and is_astray(place.stage):
+            starts = [(context, turned), unturned(context, place, known, leading[0], jobs)]
+            both = [
+                fitted_beside(near, place, known, leading[0], begin, jobs)
+                for near, begin in starts
+            ]
+            best = max((0, 1), key=lambda k: both[k].gain)
+            (context, turned), fitted = starts[best], [both[best]]
     # each with all jobs: one may end long before the other
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        return list(
-            pool.map(lambda r: fitted_beside(context, place, known, r, turned, jobs), leading)
+        rest = pool.map(
+            lambda r: fitted_beside(context, place, known, r, turned, jobs),
+            leading[len(fitted) :],
         )
+        return [*fitted, *rest]
 
 
 def _fitted_here(
