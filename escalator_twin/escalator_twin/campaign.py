@@ -109,7 +109,7 @@ def experiment_of(path: str, machine_path: str) -> Experiment:
     Raises
     ------
     RecordingError, SynchronisationError
-        Where it cannot be placed: known before hours of others' work are lost to it.
+        Where it cannot be placed: known before the work on the others is lost to it.
     """
     machine = load_machine(machine_path)
     return checked(bagfile.read(path, machine), machine)
