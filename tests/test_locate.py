@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from escalator_twin import bagfile, campaign, pipeline
+from escalator_twin.causes.application import apply
 from escalator_twin.check.quality import quality
 from escalator_twin.comparison import locate
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.errors import EscalatorError, RecordingError, SynchronisationError
-from escalator_twin.machine import load_machine
+from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.path import build_path
+from escalator_twin.sync.place import GAIN
 
 pytestmark = pytest.mark.issue(5)
 
@@ -206,3 +208,25 @@ def test_of_several_recordings_one_without_a_place_ends_all_at_once(tmp_path, ro
         writer.finish()
     with pytest.raises(EscalatorError, match=r'bad\.mcap'):
         campaign.diagnose_together([str(good), str(bad)], text)
+
+
+@pytest.mark.issue(6)
+def test_no_reference_effect_makes_a_channel_of_odd_size(sample, machine):
+    # what `score_of` takes for as seldom as an inverted sensor
+    experiment = sample[0].experiment
+    base = locate.simulate_loop(machine, experiment)
+    effects = [
+        Deviation('tensioner_friction', {'force_N': 150.0}),
+        Deviation('tensioner_stiffness', {'factor': 1.4}),
+        Deviation('tensioner_preload', {'factor': 0.8}),
+        Deviation('rolling_resistance', {'factor': 0.6}),
+        Deviation('drive_stiffness', {'factor': 0.25}),
+        Deviation('landing_length', {'delta_m': 6e-3}, {'which': 'upper'}),
+    ]
+    for effect in effects:
+        loop = locate.simulate_loop(apply(machine, (effect,)), experiment)
+        for k, channel in enumerate(base.channels):
+            n = min(len(loop.values), len(base.values))
+            gain = np.polyfit(base.values[:n, k], loop.values[:n, k], 1)[0]
+            if not channel.endswith('/y'):  # rattling alone
+                assert 1.0 / GAIN < gain < GAIN, (effect.cause, channel)
