@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.recordings import mean_candidates
 from escalator_twin.sync.place import clear_lead
 
 pytestmark = pytest.mark.issue(6)
@@ -121,3 +122,15 @@ def test_a_whole_recording_is_certain(root):
     )
     assert setting.is_certain
     assert setting.lead > 10.0 * setting.least_lead
+
+
+def test_what_was_not_judged_speaks_against_no_candidate():
+    row = {'cause': 'roller_drag', 'location': {'axle': 44}, 'probability': 0.9}
+    judged = SimpleNamespace(is_placed=True, candidates=[row])
+    other = SimpleNamespace(is_placed=True, candidates=[])
+    unplaced = SimpleNamespace(is_placed=False, candidates=[])
+    (alone,) = mean_candidates([judged, unplaced])
+    (beside,) = mean_candidates([judged, other, unplaced])
+    assert alone['probability'] == pytest.approx(0.9)
+    assert beside['probability'] == pytest.approx(0.45)
+    assert mean_candidates([unplaced]) == []

@@ -61,13 +61,17 @@ def largest_rest(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def mean_candidates(scouts: Sequence[Diagnosis]) -> list[dict[str, Any]]:
-    """Return the candidates of all searches, each once with its mean probability."""
+    """Return the candidates of all searches, each once with its mean probability.
+
+    A recording without a certain place was not searched: it speaks against none.
+    """
     rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    count = max(1, sum(scout.is_placed for scout in scouts))
     for scout in scouts:
         for row in scout.candidates:
             rows.setdefault((row['cause'], str(row['location'])), []).append(row)
     joint = [
-        {**group[0], 'probability': sum(r['probability'] for r in group) / len(scouts)}
+        {**group[0], 'probability': min(1.0, sum(r['probability'] for r in group) / count)}
         for group in rows.values()
     ]
     return sorted(joint, key=lambda row: -row['probability'])[:MOST_CANDIDATES]
