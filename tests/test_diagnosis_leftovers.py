@@ -93,7 +93,8 @@ def test_the_first_are_searched_again_where_the_later_have_it_as_well(holds, mon
         named = [(Found(FRICTION, 1.0, {'force_N': 2.0}, STRONGEST, ()), 0.99)]
         if suggested and (holds or path != 'd'):
             named.append((spring(1.4), 0.99))
-        return SimpleNamespace(found=tuple(named), left=None if suggested else spring(1.4))
+        left = None if suggested else spring(1.4)
+        return SimpleNamespace(found=tuple(named), left=left, is_placed=True)
 
     def fit(paths, _machine, scouts, *_):
         asked.append(('all', paths, [len(s.found) for s in scouts]))
@@ -136,7 +137,7 @@ def test_a_search_that_does_not_name_an_effect_of_the_machine_is_asked_for_it(
     def search(path, **_):
         effects = [FRICTION, gauge] if path == 'a' else [second] if second else []
         found = [(Found(p, 0.99, {p.fitted[0]: 0.01}, p.gain, ()), 0.99) for p in effects]
-        return SimpleNamespace(found=tuple(found), left=None, rolled=None)
+        return SimpleNamespace(found=tuple(found), left=None, rolled=None, is_placed=True)
 
     def confirm(path, effects, **_):
         asked.append([path, [e.cause for e in effects]])

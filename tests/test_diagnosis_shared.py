@@ -183,7 +183,7 @@ def test_all_others_are_put_beside_the_one_fit_where_there_is_one(monkeypatch, i
 
     def search(path, **_):
         found = () if path == 'b' else ((found_of(CHAIN, 1e-5), 0.99),)
-        return SimpleNamespace(found=found, left=None, rolled=None)
+        return SimpleNamespace(found=found, left=None, rolled=None, is_placed=True)
 
     def fit(paths, _machine, _scouts, _groups, jobs):
         asked.append((paths, jobs))
@@ -280,7 +280,7 @@ def test_such_a_machines_searches_are_asked_for_nothing_more(monkeypatch):
 
     def search(path, **_):
         found = () if path == 'b' else ((found_of(CHAIN, 1e-5), 0.99),)
-        return SimpleNamespace(found=found, left=None, rolled=None)
+        return SimpleNamespace(found=found, left=None, rolled=None, is_placed=True)
 
     def never(*_, **__):
         raise AssertionError

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+from pools import Pool
 import pytest
 import trials
 
@@ -122,6 +123,42 @@ def test_a_whole_recording_is_certain(root):
     )
     assert setting.is_certain
     assert setting.lead > 10.0 * setting.least_lead
+
+
+@pytest.mark.parametrize(('other', 'named'), [('unplaced', True), ('clean', False)])
+def test_what_was_not_judged_is_no_search_that_names_nothing(other, named, monkeypatch):
+    """Of three that were judged, one alone has named it; of two, one in two."""
+
+    class EnoughError(Exception):
+        """It was decided."""
+
+    found = Found(FRICTION, 0.99, {'force_N': 5.0}, 500.0, ())
+
+    def search(path, **_):
+        rows = ((found, 0.99),) if path == 'drag' else ()
+        is_placed = path != 'unplaced'
+        return SimpleNamespace(found=rows, left=None, rolled=None, is_placed=is_placed)
+
+    def confirm(*_, **__):
+        return SimpleNamespace(effects=(FRICTION,), sd=({},), rolled=None)
+
+    def by_speed(joint, *_):
+        raise EnoughError([one.found.proposal.cause for one in joint])
+
+    for name, by in {
+        'ProcessPoolExecutor': Pool,
+        'experiment_of': lambda *_: None,
+        'load_machine': lambda _: SimpleNamespace(tolerances={}),
+        'law_of': lambda *_: None,
+        'diagnose_bag': search,
+        'fit_bags': lambda *_: None,
+        'confirm_bag': confirm,
+        'by_speed': by_speed,
+    }.items():
+        monkeypatch.setattr(campaign, name, by)
+    with pytest.raises(EnoughError) as raised:
+        campaign.diagnose_together(['drag', 'good', other], 'machine.yaml')
+    assert raised.value.args == (['tensioner_friction'] if named else [],)
 
 
 def test_what_was_not_judged_speaks_against_no_candidate():

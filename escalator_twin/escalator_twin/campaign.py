@@ -29,6 +29,7 @@ from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.recordings import (
     confirmed_row,
+    judged,
     largest_rest,
     mean_candidates,
     own_gain,
@@ -197,9 +198,10 @@ class Work:
         self, some: Sequence[int], scouts: Mapping[int, Diagnosis], groups: Groups
     ) -> tuple[Together | None, frozenset[int]]:
         """Fit what scouts name to several recordings at once; return which these are as well."""
-        if not is_worth_it(groups, len(scouts)):
+        n_judged = len(judged(list(scouts.values())))
+        if not is_worth_it(groups, n_judged):
             return None, frozenset()
-        chosen = some if needs_no_phase(groups, len(scouts)) else list(scouts)
+        chosen = some if needs_no_phase(groups, n_judged) else list(scouts)
         found = fit_bags(
             [self.paths[k] for k in chosen],
             self.machine_path,
@@ -282,9 +284,10 @@ def diagnose_together(
     law = law_of([one for one in rolls if one is not None], machine.tolerances.get(KNOB, 0.0))
     together = looked.together
     sizes = together.effects if together else {}
-    accepted = decide(looked.groups, len(scouts), confirmed, silent, sizes)
+    n_judged = len(judged(scouts))
+    accepted = decide(looked.groups, n_judged, confirmed, silent, sizes)
     if together and not together.holds(accepted, looked.groups):
-        accepted = decide(looked.groups, len(scouts), confirmed, silent)
+        accepted = decide(looked.groups, n_judged, confirmed, silent)
     joint = by_speed(accepted, law, seed)
     faults = [s.faults for s in scouts] + [c.faults for c in confirmed]
     rows = {k: searched_row(s) for k, s in looked.scouts.items()}

@@ -60,13 +60,18 @@ def largest_rest(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return {**worst, 'recordings': sum(bool(row['significant']) for row in rows)}
 
 
+def judged(scouts: Sequence[Diagnosis]) -> list[Diagnosis]:
+    """Return the searches of recordings with a certain place: the others judged nothing."""
+    return [scout for scout in scouts if scout.is_placed]
+
+
 def mean_candidates(scouts: Sequence[Diagnosis]) -> list[dict[str, Any]]:
     """Return the candidates of all searches, each once with its mean probability.
 
-    A recording without a certain place was not searched: it speaks against none.
+    A recording that was not judged speaks against none.
     """
     rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    count = max(1, sum(scout.is_placed for scout in scouts))
+    count = max(1, len(judged(scouts)))
     for scout in scouts:
         for row in scout.candidates:
             rows.setdefault((row['cause'], str(row['location'])), []).append(row)
