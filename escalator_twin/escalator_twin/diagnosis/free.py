@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from escalator_twin.causes.imperfections import creep_shape
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.proposals import Proposal
@@ -44,20 +45,22 @@ def freed(place: Beside, effects: Sequence[Proposal]) -> Beside:
 
 
 def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
-    """Return the stage without the tolerances that effects of the machine stand for.
+    """Return the stage without the tolerances that effects of the machine, or a creep, stand for.
 
     Left in, such a tolerance would take an effect's place on both sides of the comparison: its prior
     hardly resists. A machine within tolerance has it where the tuning left it, within its bounds.
     """
     own = {e.nuisance for e in effects if of_machine(e)}
-    keep = [k for k, name in enumerate(stage.nuisance.names) if name not in own]
-    if len(keep) == len(stage.nuisance.names):
+    creeps = tuple(f'{e.nuisance}/' for e in effects if e.cause == 'gauge_drift')
+    names = stage.nuisance.names
+    keep = [k for k, name in enumerate(names) if name not in own and not name.startswith(creeps)]
+    if len(keep) == len(names):
         return stage
-    names = tuple(stage.nuisance.names[k] for k in keep)
     columns = stage.nuisance.columns
     # a gauge's creep has a name and a whitened column alone, behind all others
     own_columns = [k for k in keep if k < columns.shape[2]]
-    nuisance = replace(stage.nuisance, names=names, columns=columns[:, :, own_columns])
+    left = tuple(names[k] for k in keep)
+    nuisance = replace(stage.nuisance, names=left, columns=columns[:, :, own_columns])
     return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
 
 
@@ -68,7 +71,6 @@ def creep(stage: Stage, effect: Proposal) -> np.ndarray:
         sensor = stage.machine.instruments.sensor(channel)
         if sensor.name == effect.location.get('link'):
             part = np.linspace(0.0, 1.0, len(whole))
-            c = effect.parameters['curvature']
-            shape = part if c == 0.0 else (1.0 - np.exp(-c * part)) / (1.0 - np.exp(-c))
+            shape = creep_shape(part, effect.parameters['curvature'])
             whole[:, k] = sensor.scale * sensor.sign * shape * effect.parameters['strain']
     return whole

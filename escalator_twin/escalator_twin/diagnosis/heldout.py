@@ -19,7 +19,7 @@ BLOCKS = 12
 FOLDS = 4
 GUARD_PITCHES = 2
 LEAST_SHARE = 0.25  # of a loop that must have come twice for an effect bound to one place
-SLOW = re.compile('^course|/drift/|/zero$')  # nuisance of the instruments, by name
+SLOW = re.compile('^course|/drift/|/creep/|/zero$')  # nuisance of the instruments, by name
 BOUND = ('link', 'axle', 'step', 'steps', 's_m')  # keys of effects that pass once a loop
 
 

@@ -7,6 +7,8 @@ import numpy as np
 from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.spatial.transform import Rotation
 
+from escalator_twin.causes.imperfections import creep_shape
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.observation import Observation, slope_along
 from escalator_twin.diagnosis.responses import Responses, WANDER
 from escalator_twin.machine import Machine
@@ -23,6 +25,8 @@ CLOCK_S = 2e-3  # of the reference's clock by bag time
 CLOCK_RATE = 5e-6
 FREE = 1e3  # standard deviations that leave a number free
 THERMAL_SHARE = 0.25  # of the largest thermal drift: a mean of gauges, in each smooth shape
+# Curvatures of a good gauge's creep: with the thermal shapes these span those between and beyond.
+CREEPS = (1.5, 5.0)
 AXES = 'xyz'
 TURNED = 'turned/beyond_first_order'  # never freed: no effect of the measurement stands for it
 
@@ -129,6 +133,9 @@ def nuisance_of(
             size = THERMAL_SHARE * sensor.thermal_drift * abs(sensor.scale)
             for wave, shape in enumerate(_slow(part)):
                 add(f'{channel}/drift/{wave}', size * shape, k)
+            size = creep_tol() * abs(sensor.scale)
+            for bend in CREEPS:
+                add(f'{creep_of(channel)}/{bend:g}', size * creep_shape(part, bend), k)
     for name, turned in rotations(observation, model, machine).items():
         add(name, turned)
     for k, channel in enumerate(observation.channels):
@@ -139,6 +146,16 @@ def nuisance_of(
         else:
             add(f'{channel}/zero', np.full(n, FREE * max(float(np.std(model[:, k])), 1e-9)), k)
     return Nuisance(tuple(names), np.stack(columns, axis=2))
+
+
+def creep_of(channel: str) -> str:
+    """Return how the names begin of what a good gauge may creep by."""
+    return f'{channel}/creep'
+
+
+def creep_tol() -> float:
+    """Return one standard deviation of a good gauge's creep over a recording, m/m."""
+    return next(p.tolerance or 0.0 for p in KNOWN['gauge_drift'].parameters if p.name == 'strain')
 
 
 def shifts(observation: Observation, model: Floats, machine: Machine) -> dict[str, Floats]:

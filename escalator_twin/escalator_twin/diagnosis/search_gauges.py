@@ -4,6 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from escalator_twin.causes.imperfections import creep_shape
+from escalator_twin.diagnosis.nuisance import creep_of, creep_tol
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import (
     fit,
@@ -70,15 +72,20 @@ def gains(search: Search) -> Iterator[Proposal]:
         if sensor.thermal_drift > 0.0:
             columns = np.zeros((*search.model.shape, len(CURVATURES)), np.float32)
             for j, c in enumerate(CURVATURES):
-                creep = part if c == 0.0 else (1.0 - np.exp(-c * part)) / (1.0 - np.exp(-c))
-                columns[:, k, j] = sensor.scale * sensor.sign * creep
-            score = score_each(search.fitted, search.whiten(columns))
+                columns[:, k, j] = sensor.scale * sensor.sign * creep_shape(part, c)
+            own = creep_of(channel)
+            known = [not name.startswith(own) for name in names]
+            score = score_each(
+                search.fitted.keeping(np.flatnonzero(known)), search.whiten(columns)
+            )
             top = int(np.argmax(score.gain))
             strain, sd = over_shapes(score)
+            # what chi squared falls by where the prior of a good gauge's creep is lifted
+            gain = strain**2 / (creep_tol() ** 2 + sd**2)
             yield Proposal(
                 'gauge_drift', {'link': sensor.name},
                 {'strain': strain, 'curvature': CURVATURES[top]},
-                float(score.gain[top]), {'strain': sd}, 4, ('strain',),
+                gain, {'strain': sd}, 4, ('strain',), own,
             )  # fmt: skip
     turned = [names.index(f'rotation/{a}') for a in 'xyz' if f'rotation/{a}' in names]
     if len(turned) == 3:

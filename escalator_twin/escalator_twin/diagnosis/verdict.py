@@ -20,6 +20,9 @@ from escalator_twin.diagnosis.proposals import Proposal
 PER_NUMBER = 3.0
 EFFECT_TOLERANCES = 3.0  # contracts.md: an effect is more than three of them
 TOLERANCE_DOUBT = 0.7  # tolerances: what the fit of one tolerance is off by through the others
+# Causes whose tolerance changes nothing that another one's does; what thermal drift hides of a creep is in
+# its interval.
+BY_ITSELF = ('gauge_drift',)
 PRIOR_EFFECT = 5.0  # nats that speak for a good machine before anything was seen
 # The same where a cause stands for a tolerance, whose prior has its say already: at four tolerances
 # an effect is likelier than not, at three it is not.
@@ -120,7 +123,8 @@ def evidence_of(proposal: Proposal, gain: float, grown: float = 1.0) -> float:
     if proposal.nuisance and not KNOWN[proposal.cause].of_machine:
         # the gain is what the tolerance's own prior leaves: that counts once
         spread = 1.0 / _as_one(gain, max(len(proposal.fitted), 1))
-        spread += (TOLERANCE_DOUBT / tolerances) ** 2
+        if proposal.cause not in BY_ITSELF:
+            spread += (TOLERANCE_DOUBT / tolerances) ** 2
     elif np.isfinite(tolerances):
         doubt = TOLERANCE_DOUBT if proposal.nuisance else 0.0
         spread += (1.0 + doubt**2) / tolerances**2
