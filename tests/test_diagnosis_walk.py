@@ -58,8 +58,9 @@ def walked(monkeypatch):
         bench = Bench(
             propose, attempt, again, lambda place, _: place, lambda *_: None, lambda *_: {}
         )
-        found = walk(SimpleNamespace(place=PLACE, floor=None), bench=bench).found
-        return [f.proposal for f in found]
+        whole = walk(SimpleNamespace(place=PLACE, floor=None), bench=bench)
+        walk_with.last = whole.last
+        return [f.proposal for f in whole.found]
 
     return walk_with
 
@@ -75,6 +76,27 @@ def test_an_effect_that_was_not_chosen_is_run_before_it_is_accepted(walked, gain
     found = walked(lambda *_: [STEP, FRAME], attempt, is_open=False)
     assert runs == [['guide_step'], ['truss_resonance']]
     assert [p.cause for p in found] == ['truss_resonance'] * accepted
+
+
+@pytest.mark.parametrize('gain', [900.0, -400.0], ids=['accepted', 'not accepted'])
+def test_the_last_round_is_told_where_it_accepted_nothing(walked, gain):
+    rounds = iter([[FRAME], []])
+
+    def attempt(_context, _place, _known, chosen, *_):
+        return [Tried(p, gain, dict(p.sd)) for p in chosen]
+
+    found = walked(lambda *_: next(rounds, []), attempt)
+    last = walked.last
+    assert [p.cause for p in last.known] == [p.cause for p in found]
+    if gain < 0.0:
+        assert (last.proposals, [t.gain for t in last.tried]) == ((FRAME,), [gain])
+    else:
+        assert (found, last.proposals, last.tried) == ([FRAME], (), ())
+
+
+def test_a_walk_that_ends_with_an_effect_has_no_round_that_accepted_nothing(walked):
+    assert walked(lambda *_: [FRAME], explained=0.0) == [FRAME]
+    assert walked.last is None
 
 
 def test_an_effect_that_is_dropped_beside_a_later_one_costs_no_round(walked):

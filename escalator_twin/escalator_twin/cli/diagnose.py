@@ -66,6 +66,8 @@ def show(document: Document) -> str:
     if rest['significant']:
         lines.append(f'unexplained: {100.0 * rest["share"]:.1f} % of the residual energy')
         lines += [f'  {key}: {value}' for key, value in rest['signature'].items()]
+    elif 'within_tolerance' in rest['signature']:
+        lines.append(f'within tolerance, and in the data: {rest["signature"]["within_tolerance"]}')
     held = document['gain']['held_out']
     if held is None:
         lines.append(f'gain held out: none, {document["gain"]["split"]}')

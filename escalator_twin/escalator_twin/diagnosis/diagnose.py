@@ -35,6 +35,7 @@ from escalator_twin.diagnosis.telling import (
 from escalator_twin.diagnosis.unexplained import belief_beside, look, NOT_JUDGED, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
 from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
+from escalator_twin.diagnosis.within import within_tolerance
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine
 from escalator_twin.physics.rollout import Trace
@@ -147,6 +148,7 @@ def diagnose_recording(
     faults = tuple(faults_of(context.setting, machine))
     before = bench.bare(walked.before, [found.proposal for found in walked.found])
     rest = look(context, before, walked.after)
+    walked, rest = within_tolerance(context, walked, rest, bench, jobs)
     named, held = settle(context, walked, rest, seed, bench)
     rest = left_open(context, walked, named, rest)
     if progress is not None:

@@ -54,6 +54,29 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
+class Round:
+    """The round that accepted nothing.
+
+    Attributes
+    ----------
+    context : Context
+    place : Beside
+        The machine with all that is known.
+    known : tuple of Proposal
+    proposals : tuple of Proposal
+        Best first.
+    tried : tuple of Tried
+        Of these, what the twin was run with.
+    """
+
+    context: Context
+    place: Beside
+    known: tuple[Proposal, ...]
+    proposals: tuple[Proposal, ...]
+    tried: tuple[Tried, ...] = ()
+
+
+@dataclass(frozen=True)
 class Walked:
     """What the walk found in one recording.
 
@@ -67,6 +90,8 @@ class Walked:
         The candidates of the last round, which accepted none.
     left : Found or None
         An effect of the last round that is no more than what an accepted law may leave.
+    last : Round or None
+        None where the walk ended with what it accepted.
     """
 
     found: tuple[Found, ...]
@@ -74,6 +99,7 @@ class Walked:
     after: Beside
     weighed: tuple[Weighed, ...]
     left: Found | None = None
+    last: Round | None = None
 
 
 @dataclass(frozen=True)
@@ -144,6 +170,7 @@ def walk(
             context, place = first.context, freed(first.place, start)
     weighed: list[Weighed] = []
     left: Found | None = None
+    last: Round | None = None
     is_first = not (start or suggested)
     for _ in range(MOST_ROUNDS):
         bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
@@ -154,6 +181,7 @@ def walk(
         proposals = [
             p for p in bench.propose(context, place, jobs) if not is_known_fault(p, known)
         ]
+        last = Round(context, place, tuple(known), tuple(proposals))
         afar = None
         hides_more = not bounds.is_left_over('', bounds.most())
         if hides_more and may_hide(place, context.floor, known):
@@ -185,6 +213,7 @@ def walk(
             ]
             weighed = weigh(candidates(proposals, tried))
             weighed = [w for w in weighed if not is_unrun(w, tried)]
+        last = replace(last, tried=tuple(tried))
         if say is not None:
             for row in weighed[:4]:
                 say(
@@ -208,6 +237,7 @@ def walk(
             break
         if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
+        last = None
         found.append(_found(weighed, match))
         polished = None if match is None else match.polished
         if polished is None:
@@ -226,7 +256,7 @@ def walk(
             say(f'{len(found)} effects explain {explained:.3f}')
         if is_in_vain(found, explained, MOST_EFFECTS - len(found)):
             break
-    return Walked(tuple(found), before, place, tuple(weighed), left)
+    return Walked(tuple(found), before, place, tuple(weighed), left, last)
 
 
 def _match(top: Weighed, tried: Sequence[Tried]) -> Tried | None:
