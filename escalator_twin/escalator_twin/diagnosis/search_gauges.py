@@ -18,11 +18,14 @@ from escalator_twin.diagnosis.regression import (
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_whole import beyond
 
-COMMON_SCALE = 0.02  # of all forces alike, one standard deviation
+COMMON_SCALE = 0.02  # of all forces alike, or of a link's two sides, one standard deviation
+# The same of a link's two sides where it is asked which of the two gauges is at fault: that one reads 3 % too
+# little, or the machine pulls 3 % less on both and the other reads 3 % too much, is one fault against two.
+LINK_SCALE = 0.005
 CURVATURES = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0)  # of a gauge's creep
 
 
-def _with_common_scales(search: Search) -> Fitted:
+def _with_common_scales(search: Search, of_link: float = COMMON_SCALE) -> Fitted:
     """Return the fit with more freedom: forces larger or smaller alike, all or a link's two sides.
 
     That is no gauge's gain but the machine's, whatever does it.
@@ -36,10 +39,37 @@ def _with_common_scales(search: Search) -> Fitted:
     groups = [group for group in groups if group.sum() > 1]
     if not groups:
         return fitted
-    swing = COMMON_SCALE * (model - model.mean(axis=0))
-    scales = np.stack([swing * group for group in groups], axis=2)
+    swing = model - model.mean(axis=0)
+    wide = [COMMON_SCALE if group is forces else of_link for group in groups]
+    scales = np.stack([by * swing * group for by, group in zip(wide, groups, strict=True)], axis=2)
     columns = np.concatenate([fitted.columns, search.whiten(scales)], axis=1)
     return fit(fitted.white, columns, np.append(fitted.offset, np.zeros(len(groups))))
+
+
+def _fair_gains(search: Search, beside: Fitted) -> dict[str, float]:
+    """Return what each gauge's gain explains, by channel.
+
+    That there is one is told beside forces that may be larger alike; which of a link's two it is, beside
+    two that hardly may.
+    """
+    sensors = {c: search.machine.instruments.sensor(c) for c in search.view.observation.channels}
+    at = {c: f'{c}/gain' for c in sensors if f'{c}/gain' in search.names}
+    wide, near = (
+        {c: beyond(_gain_score(search, place, name)) for c, name in at.items()}
+        for place in (beside, _with_common_scales(search, LINK_SCALE))
+    )
+    found = {}
+    for channel, gain in wide.items():
+        link = sensors[channel].at.get('link')
+        own = [c for c in wide if link is not None and sensors[c].at.get('link') == link]
+        best = max(own or [channel], key=lambda c: near[c])
+        found[channel] = min(gain, wide[best] - (near[best] - near[channel]))
+    return found
+
+
+def _gain_score(search: Search, place: Fitted, name: str) -> Scores:
+    at = search.names.index(name)
+    return score_each(place.without(at), place.columns[:, at : at + 1])
 
 
 def over_shapes(score: Scores) -> tuple[float, float]:
@@ -57,15 +87,15 @@ def gains(search: Search) -> Iterator[Proposal]:
     """Propose a gauge's gain and its creep, and the accelerometer's rotation."""
     machine, names = search.machine, search.names
     beside = _with_common_scales(search)
+    gain_of = _fair_gains(search, beside)
     part = np.linspace(0.0, 1.0, len(search.model))
     for k, channel in enumerate(search.view.observation.channels):
         sensor = machine.instruments.sensor(channel)
         if f'{channel}/gain' in names:
-            at = names.index(f'{channel}/gain')
-            score = score_each(beside.without(at), beside.columns[:, at : at + 1])
+            score = _gain_score(search, beside, f'{channel}/gain')
             factor = 1.0 + sensor.gain_tol * float(score.size[0])
             yield Proposal(
-                'gauge_gain', {'link': sensor.name}, {'factor': factor}, beyond(score),
+                'gauge_gain', {'link': sensor.name}, {'factor': factor}, gain_of[channel],
                 {'factor': sensor.gain_tol * float(score.sd[0])}, 4, ('factor',),
                 f'{channel}/gain',
             )  # fmt: skip
