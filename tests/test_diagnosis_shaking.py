@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.verdict import weigh
 from escalator_twin.diagnosis.whitening import make_whitener, sensor_variance
 
 pytestmark = pytest.mark.issue(6)
@@ -67,14 +68,11 @@ def test_columns_of_a_cause_of_the_chain_are_empty_where_rattling_shakes():
     assert np.all(np.any(everything != 0.0, axis=0))
 
 
-@pytest.mark.parametrize(
-    ('alike', 'named'), [(False, True), (True, False)], ids=['one gauge', 'all forces']
-)
-def test_all_forces_larger_alike_is_no_gauges_gain(alike, named):
+def proposed(larger, seed=5):
+    """Return the gains that are proposed where forces are larger than the machine's by shares, (c,)."""
     turns = 2.0 * np.pi * np.arange(N) / FRAME.per_pitch
     model = 4000.0 * np.sin(0.3 * turns)[:, None] * FORCES
-    larger = FORCES if alike else np.array([c == CHANNELS[0] for c in CHANNELS])
-    measured = model * (1.0 + 0.03 * larger) + noise(5)
+    measured = model * (1.0 + larger) + noise(seed)
     names = tuple(f'{c}/gain' for c in CHANNELS if c.startswith('link_force'))
     columns = np.zeros((N, len(CHANNELS), len(names)))
     for k, name in enumerate(names):
@@ -85,10 +83,37 @@ def test_all_forces_larger_alike_is_no_gauges_gain(alike, named):
         machine=MACHINE, names=names, view=SimpleNamespace(observation=stage.observation),
         fitted=stage.fit(model), model=model, whiten=stage.whiten,
     )  # fmt: skip
-    found = [p for p in gains(search) if p.cause == 'gauge_gain']
+    return [p for p in gains(search) if p.cause == 'gauge_gain']
+
+
+def of(name):
+    """Return 1 at a link's channel, 0 elsewhere, (c,)."""
+    return np.array([c == f'link_force/{name}' for c in CHANNELS], float)
+
+
+@pytest.mark.parametrize(
+    ('alike', 'named'), [(False, True), (True, False)], ids=['one gauge', 'all forces']
+)
+def test_all_forces_larger_alike_is_no_gauges_gain(alike, named):
+    found = proposed(0.03 * (FORCES if alike else of('left_a')))
     top = max(found, key=lambda p: p.gain)
     beyond = abs(top.parameters['factor'] - 1.0) > 3.0 * 0.003
     assert (beyond and top.gain > 25.0) == named
     if named:
         assert top.location == {'link': 'left_a'}
         assert top.parameters['factor'] == pytest.approx(1.03, abs=0.003)
+
+
+@pytest.mark.parametrize('wrong', [0.03, -0.03, -0.09])
+def test_which_of_a_links_two_gauges_is_at_fault_is_told(wrong):
+    """That the machine pulls otherwise on both, and the other gauge is off by as much, takes two faults."""
+    best, *others = weigh([(p, p.gain) for p in proposed(wrong * of('right_b'))])
+    assert best.proposal.location == {'link': 'right_b'}
+    assert best.proposal.parameters['factor'] == pytest.approx(1.0 + wrong, abs=0.004)
+    assert best.probability > 0.95
+    assert all(other.probability < 0.01 for other in others)
+
+
+def test_of_two_sides_that_are_larger_alike_neither_gauge_is_named():
+    weighed = weigh([(p, p.gain) for p in proposed(0.03 * (of('left_b') + of('right_b')))])
+    assert weighed[0].probability < 0.5
