@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.regression import fit, score_each
 from escalator_twin.diagnosis.search_gauges import CURVATURES, gains, over_shapes
+from escalator_twin.diagnosis.unexplained import is_stretched
 from escalator_twin.diagnosis.verdict import weigh
 
 pytestmark = pytest.mark.issue(6)
@@ -101,6 +102,15 @@ def test_what_is_more_than_a_good_gauges_is_named(tolerances, low, high):
     assert top.proposal.location == {'link': sensor.name}
     assert top.proposal.parameters['strain'] == pytest.approx(tolerances * TOLERANCE, rel=0.1)
     assert low <= top.probability <= high
+
+
+@pytest.mark.parametrize(
+    ('tolerances', 'hides'), [(0.0, False), (1.5, False), (6.0, True), (-10.0, True)]
+)
+def test_what_a_creep_hides_beside_other_effects_is_sought(tolerances, hides):
+    """It leaves next to nothing open: that it is larger than a good gauge's says that it is there."""
+    stage, model = seen(tolerances)
+    assert is_stretched(Beside(stage, None, model, stage.fit(model))) is hides
 
 
 def test_no_creep_is_hardly_a_candidate():

@@ -98,9 +98,19 @@ def is_open(place: Beside, floor: Floor, sigmas: float = OPEN_SIGMAS) -> bool:
 def is_stretched(place: Beside) -> bool:
     """Tell whether an instrument's nuisance is fitted larger than a good instrument has it.
 
-    A gauge's gain hardly resists: 20 of its tolerances cost less than the remainder that they hide.
+    A gauge's gain hardly resists: 20 of its tolerances cost less than the remainder that they hide. No more does
+    its creep, whose shapes together are its size.
     """
-    return _beyond(place, lambda name: name.endswith('/gain') or name.startswith('rotation/'))
+    if _beyond(place, lambda name: name.endswith('/gain') or name.startswith('rotation/')):
+        return True
+    creeps: dict[str, float] = {}
+    names = place.stage.nuisance.names
+    sizes = place.fitted.sizes + place.fitted.offset
+    for name, size in zip(names, sizes[: len(names)], strict=False):
+        if '/creep/' in name:
+            channel = name.partition('/creep/')[0]
+            creeps[channel] = creeps.get(channel, 0.0) + float(size)
+    return any(abs(size) > EFFECT_TOLERANCES for size in creeps.values())
 
 
 def is_used_up(place: Beside, but: Container[str] = ()) -> bool:
