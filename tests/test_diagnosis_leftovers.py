@@ -3,7 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-from pools import Pool
+from pools import stand_in
 import pytest
 
 from escalator_twin import campaign
@@ -100,11 +100,7 @@ def test_the_first_are_searched_again_where_the_later_have_it_as_well(holds, mon
         asked.append(('all', paths, [len(s.found) for s in scouts]))
         raise EnoughError
 
-    monkeypatch.setattr(campaign, 'ProcessPoolExecutor', Pool)
-    monkeypatch.setattr(campaign, 'experiment_of', lambda *_: None)
-    monkeypatch.setattr(campaign, 'load_machine', lambda _: SimpleNamespace(tolerances={}))
-    monkeypatch.setattr(campaign, 'diagnose_bag', search)
-    monkeypatch.setattr(campaign, 'fit_bags', fit)
+    stand_in(monkeypatch, diagnose_bag=search, fit_bags=fit)
     with pytest.raises(EnoughError):
         campaign.diagnose_together(['a', 'b', 'c', 'd'], 'machine.yaml')
     both = ['tensioner_friction', 'tensioner_stiffness']
@@ -150,14 +146,7 @@ def test_a_search_that_does_not_name_an_effect_of_the_machine_is_asked_for_it(
             row.append([len(rows) for rows in silent])
         raise EnoughError
 
-    monkeypatch.setattr(campaign, 'ProcessPoolExecutor', Pool)
-    monkeypatch.setattr(campaign, 'experiment_of', lambda *_: None)
-    monkeypatch.setattr(campaign, 'load_machine', lambda _: SimpleNamespace(tolerances={}))
-    monkeypatch.setattr(campaign, 'law_of', lambda *_: None)
-    monkeypatch.setattr(campaign, 'diagnose_bag', search)
-    monkeypatch.setattr(campaign, 'fit_bags', lambda *_: None)
-    monkeypatch.setattr(campaign, 'confirm_bag', confirm)
-    monkeypatch.setattr(campaign, 'decide', decide)
+    stand_in(monkeypatch, diagnose_bag=search, confirm_bag=confirm, decide=decide)
     with pytest.raises(EnoughError):
         campaign.diagnose_together(['a', 'b'], 'machine.yaml')
     assert [tuple(row) for row in asked] == expected

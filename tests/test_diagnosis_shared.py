@@ -6,7 +6,7 @@ The recordings are made by the generator (synthetic), whose machine has toleranc
 from dataclasses import replace
 from types import SimpleNamespace
 
-from pools import Pool
+from pools import stand_in
 import pytest
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
@@ -196,17 +196,9 @@ def test_all_others_are_put_beside_the_one_fit_where_there_is_one(monkeypatch, i
     def decide_with(*_, **__):
         raise EnoughError
 
-    for name, by in {
-        'ProcessPoolExecutor': Pool,
-        'experiment_of': lambda *_: None,
-        'load_machine': lambda _: SimpleNamespace(tolerances={}),
-        'law_of': lambda *_: None,
-        'diagnose_bag': search,
-        'fit_bags': fit,
-        'confirm_bag': confirm,
-        'decide': decide_with,
-    }.items():
-        monkeypatch.setattr(campaign, name, by)
+    stand_in(
+        monkeypatch, diagnose_bag=search, fit_bags=fit, confirm_bag=confirm, decide=decide_with
+    )
     with pytest.raises(EnoughError):
         campaign.diagnose_together(['a', 'b'], 'machine.yaml', seed=7, jobs=3)
     size, turned = (1.5e-4, {'chain.mass': 0.4}) if is_taken else (TOLD_M, None)
@@ -288,15 +280,15 @@ def test_such_a_machines_searches_are_asked_for_nothing_more(monkeypatch):
     def decide_with(*_, **__):
         raise EnoughError
 
-    for name, by in {
-        'ProcessPoolExecutor': Pool,
-        'experiment_of': lambda *_: None,
-        'diagnose_bag': search,
-        'fit_bags': never,
-        'confirm_bag': never,
-        'decide': decide_with,
-    }.items():
-        monkeypatch.setattr(campaign, name, by)
+    stand_in(
+        monkeypatch,
+        load_machine=campaign.load_machine,
+        law_of=campaign.law_of,
+        diagnose_bag=search,
+        fit_bags=never,
+        confirm_bag=never,
+        decide=decide_with,
+    )
     kwon = str(trials.ROOT / 'config' / 'machines' / 'kwon.yaml')
     with pytest.raises(EnoughError):
         campaign.diagnose_together(['a', 'b'], kwon)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-from pools import Pool
+from pools import stand_in
 import pytest
 import trials
 
@@ -145,17 +145,7 @@ def test_what_was_not_judged_is_no_search_that_names_nothing(other, named, monke
     def by_speed(joint, *_):
         raise EnoughError([one.found.proposal.cause for one in joint])
 
-    for name, by in {
-        'ProcessPoolExecutor': Pool,
-        'experiment_of': lambda *_: None,
-        'load_machine': lambda _: SimpleNamespace(tolerances={}),
-        'law_of': lambda *_: None,
-        'diagnose_bag': search,
-        'fit_bags': lambda *_: None,
-        'confirm_bag': confirm,
-        'by_speed': by_speed,
-    }.items():
-        monkeypatch.setattr(campaign, name, by)
+    stand_in(monkeypatch, diagnose_bag=search, confirm_bag=confirm, by_speed=by_speed)
     with pytest.raises(EnoughError) as raised:
         campaign.diagnose_together(['drag', 'good', other], 'machine.yaml')
     assert raised.value.args == (['tensioner_friction'] if named else [],)

@@ -36,7 +36,9 @@ def fitted(proposal, gain=None):
 def settled(monkeypatch):
     """Return what stays open of a last round, with what was run for it."""
 
-    def settle(proposals=(), tried=(), rest=OPEN, leaves=False, last=True, attempt=None):
+    def settle(
+        proposals=(), tried=(), rest=OPEN, leaves=False, last=True, attempt=None, likely=0.0
+    ):
         ran = []
 
         def bench_attempt(_context, _place, known, chosen, _jobs):
@@ -52,7 +54,7 @@ def settled(monkeypatch):
         monkeypatch.setattr(module, 'look', look)
         context = SimpleNamespace(floor=None)
         row = Round(context, PLACE, (), tuple(proposals), tuple(tried)) if last else None
-        weighed = (Weighed(hunting(9.0), 10.0, 0.0, 0.1),)
+        weighed = (Weighed(hunting(9.0), 10.0, 0.0, likely),)
         walked = Walked((), PLACE, PLACE, weighed, last=row)
         bench = SimpleNamespace(attempt=bench_attempt, bare=lambda place, _: place)
         again, left = within_tolerance(context, walked, rest, bench)
@@ -70,6 +72,12 @@ def test_what_two_tolerances_account_for_is_not_unexplained(settled):
     # a candidate without a probability: its evidence says how large it is
     assert (weighed[0].proposal, weighed[0].probability) == (wave, 0.0)
     assert len(weighed) == 2
+
+
+def test_a_doubtful_candidate_stays_first(settled):
+    """What would decide on it is said of the first."""
+    weighed, _, _ = settled([hunting(2.0)], likely=0.4)
+    assert [w.probability for w in weighed] == [0.4, 0.0]
 
 
 def test_the_command_says_what_it_is():

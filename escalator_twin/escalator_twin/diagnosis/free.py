@@ -51,7 +51,7 @@ def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
     hardly resists. A machine within tolerance has it where the tuning left it, within its bounds.
     """
     own = {e.nuisance for e in effects if of_machine(e)}
-    creeps = tuple(f'{e.nuisance}/' for e in effects if e.cause == 'gauge_drift')
+    creeps = tuple(str(e.nuisance) for e in effects if e.cause == 'gauge_drift')
     names = stage.nuisance.names
     keep = [k for k, name in enumerate(names) if name not in own and not name.startswith(creeps)]
     if len(keep) == len(names):

@@ -9,6 +9,7 @@ import numpy as np
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.free import creep, of_machine, without_own
+from escalator_twin.diagnosis.nuisance import CREEP
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.scores import HeldOut, scored, Seen, undecided
@@ -19,7 +20,7 @@ BLOCKS = 12
 FOLDS = 4
 GUARD_PITCHES = 2
 LEAST_SHARE = 0.25  # of a loop that must have come twice for an effect bound to one place
-SLOW = re.compile('^course|/drift/|/creep/|/zero$')  # nuisance of the instruments, by name
+SLOW = re.compile(f'^course|/drift/|{CREEP}|/zero$')  # nuisance of the instruments, by name
 BOUND = ('link', 'axle', 'step', 'steps', 's_m')  # keys of effects that pass once a loop
 
 

@@ -27,6 +27,7 @@ FREE = 1e3  # standard deviations that leave a number free
 THERMAL_SHARE = 0.25  # of the largest thermal drift: a mean of gauges, in each smooth shape
 # Curvatures of a good gauge's creep: with the thermal shapes these span those between and beyond.
 CREEPS = (1.5, 5.0)
+CREEP = '/creep/'  # between a channel and a shape's curvature, in the names of such nuisance
 AXES = 'xyz'
 TURNED = 'turned/beyond_first_order'  # never freed: no effect of the measurement stands for it
 
@@ -135,7 +136,7 @@ def nuisance_of(
                 add(f'{channel}/drift/{wave}', size * shape, k)
             size = creep_tol() * abs(sensor.scale)
             for bend in CREEPS:
-                add(f'{creep_of(channel)}/{bend:g}', size * creep_shape(part, bend), k)
+                add(f'{creep_of(channel)}{bend:g}', size * creep_shape(part, bend), k)
     for name, turned in rotations(observation, model, machine).items():
         add(name, turned)
     for k, channel in enumerate(observation.channels):
@@ -150,7 +151,7 @@ def nuisance_of(
 
 def creep_of(channel: str) -> str:
     """Return how the names begin of what a good gauge may creep by."""
-    return f'{channel}/creep'
+    return f'{channel}{CREEP}'
 
 
 def creep_tol() -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor, kind_of, SHAKING
+from escalator_twin.diagnosis.nuisance import CREEP
 from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
 from escalator_twin.diagnosis.split import comb_shares, in_time, loop_correlation
 from escalator_twin.diagnosis.verdict import EFFECT_TOLERANCES
@@ -101,14 +102,17 @@ def is_stretched(place: Beside) -> bool:
     A gauge's gain hardly resists: 20 of its tolerances cost less than the remainder that they hide. No more does
     its creep, whose shapes together are its size.
     """
-    if _beyond(place, lambda name: name.endswith('/gain') or name.startswith('rotation/')):
-        return True
+    is_beyond = _beyond(place, lambda name: name.endswith('/gain') or name.startswith('rotation/'))
+    return is_beyond or _creeps(place)
+
+
+def _creeps(place: Beside) -> bool:
     creeps: dict[str, float] = {}
-    names = place.stage.nuisance.names
     sizes = place.fitted.sizes + place.fitted.offset
-    for name, size in zip(names, sizes[: len(names)], strict=False):
-        if '/creep/' in name:
-            channel = name.partition('/creep/')[0]
+    # what was freed for an effect has a column behind all names, or a name of its own
+    for name, size in zip(place.stage.nuisance.names, sizes, strict=False):
+        channel, is_creep, _ = name.partition(CREEP)
+        if is_creep:
             creeps[channel] = creeps.get(channel, 0.0) + float(size)
     return any(abs(size) > EFFECT_TOLERANCES for size in creeps.values())
 

@@ -50,7 +50,8 @@ def within_tolerance(
     beside = replace(beside, signature={'within_tolerance': size})
     row = Weighed(best.proposal, best.gain, -float('inf'), 0.0)
     others = [w for w in walked.weighed if w.proposal is not best.proposal]
-    return replace(walked, weighed=(row, *others)), beside
+    weighed = sorted((row, *others), key=lambda w: -w.probability)  # the likeliest stays first
+    return replace(walked, weighed=tuple(weighed)), beside
 
 
 def largest_within(last: Round, bench: Bench, jobs: int) -> Tried | None:
