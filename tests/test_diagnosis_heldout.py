@@ -3,6 +3,7 @@
 The machine is made of waves drawn here, so that what is right about it is known without a twin.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,7 +28,7 @@ import pytest
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.free import creep, freed
-from escalator_twin.diagnosis.heldout import folds_of, hold_out, slow_of
+from escalator_twin.diagnosis.heldout import Earlier, folds_of, hold_out, slow_of
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import scored
 
@@ -184,3 +185,54 @@ def test_another_axle_gains_nothing(seed):
     found = held(passing(N, OTHER), effect(OTHER), seed)
     assert not found.significant
     assert found.gain_high < 0.01
+
+
+# beside what was accepted before
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize(
+    ('there', 'is_gain'), [(AXLE, True), (OTHER, False)], ids=['right', 'wrong']
+)
+def test_a_further_effect_gains_what_the_first_does_not(there, is_gain, seed):
+    # friction everywhere is known, beside the drag at an axle
+    measured, base = recorded(seed)
+    n = len(base)
+    first = 40.0 * FORCES * spread() * np.sin(np.arange(n) / 37.0)[:, None]
+    measured += first
+    known = stage_of(measured, base + first)
+    model = base + first + passing(n, there)
+    after = Beside(known, None, model, known.fit(model))
+    earlier = Earlier(SimpleNamespace(stage=known), (EVERYWHERE,))
+    context = SimpleNamespace(machine=MACHINE)
+    alone = hold_out(context, after, [effect(there)], seed, earlier=earlier)
+    assert alone.significant == is_gain
+    # both together gain much, whatever the second is
+    stage = stage_of(measured, base)
+    both = Beside(stage, None, model, stage.fit(model))
+    assert hold_out(context, both, [EVERYWHERE, effect(there)], seed).significant
+
+
+@pytest.mark.parametrize('cause', ['gauge_gain', 'gauge_drift'])
+def test_beside_a_known_fault_of_a_gauge_an_effect_is_held_out_with_it(cause):
+    measured, base = recorded()
+    link = MACHINE.instruments.sensor(CHANNELS[0]).name
+    known = Proposal(cause, {'link': link}, {'strain': 1e-5, 'curvature': 0.0}, 1e3)
+    if cause == 'gauge_gain':
+        known = replace(known, parameters={'factor': 1.2}, nuisance=f'{CHANNELS[0]}/gain')
+    stage = stage_of(measured, base)
+    gain = np.zeros((*base.shape, 1), np.float32)
+    gain[:, 0, 0] = 0.003 * base[:, 0]
+    nuisance = replace(
+        stage.nuisance,
+        names=(*stage.nuisance.names, f'{CHANNELS[0]}/gain'),
+        columns=np.concatenate([stage.nuisance.columns, gain], axis=2),
+    )
+    stage = replace(stage, nuisance=nuisance, white_nuisance=stage.whiten(nuisance.columns))
+    measured[:, 0] += (0.2 * base if cause == 'gauge_gain' else creep(stage, known))[:, 0]
+    model = base + passing(N, AXLE)
+    after = freed(Beside(stage, None, model, stage.fit(model)), [known])
+    earlier = Earlier(SimpleNamespace(stage=stage), (known,))
+    found = hold_out(SimpleNamespace(machine=None), after, [effect()], 1, earlier=earlier)
+    assert found.significant
+    assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2

@@ -39,13 +39,18 @@ def named(monkeypatch):
 
     def settle(
         significant=False, explained=1.0, held=None, above=1e6, shaken=0.0, gauges=4,
-        effects=(FRICTION, BOUNCE, GAUGE),
+        effects=(FRICTION, BOUNCE, GAUGE), stages=(), beside=None,
     ):  # fmt: skip
-        monkeypatch.setattr(
-            diagnose, 'hold_out', lambda *_: SimpleNamespace(**{**GAINED, **(held or {})})
-        )
+        def hold_out(*args, earlier=None):
+            if earlier is None:
+                return SimpleNamespace(**{**GAINED, **(held or {})})
+            (effect,) = args[2]
+            places = (earlier.place, [e.cause for e in earlier.effects], args[1])
+            return SimpleNamespace(**GAINED | beside(effect.cause, *places))
+
+        monkeypatch.setattr(diagnose, 'hold_out', hold_out)
         walked = SimpleNamespace(
-            found=effects, after=None,
+            found=effects, after='after', stages=stages,
             before=SimpleNamespace(stage=SimpleNamespace(turned={})),
         )  # fmt: skip
         rest = Unexplained(significant, 0.1, explained, {}, above, shaken)
@@ -57,6 +62,30 @@ def named(monkeypatch):
 
 def test_what_explains_and_gains_is_named(named):
     assert named() == {'tensioner_friction', 'truss_resonance', 'gauge_gain'}
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize(
+    ('beside', 'expected'),
+    [
+        ({}, {'tensioner_friction', 'truss_resonance', 'gauge_gain'}),
+        ({'significant': False}, {'tensioner_friction', 'gauge_gain'}),
+        # no second look beside the others: nothing is said
+        ({'significant': False, 'channels': None}, {'tensioner_friction', 'truss_resonance', 'gauge_gain'}),
+    ],
+)  # fmt: skip
+def test_an_effect_is_named_for_what_it_gains_beside_those_before_it(named, beside, expected):
+    asked = []
+
+    def gained(cause, *places):
+        asked.append((cause, *places))
+        return beside if cause == 'truss_resonance' else {}
+
+    assert named(stages=('bare', 'first', 'second'), beside=gained) == expected
+    assert asked == [
+        ('truss_resonance', 'first', ['tensioner_friction'], 'second'),
+        ('gauge_gain', 'second', ['tensioner_friction', 'truss_resonance'], 'after'),
+    ]
 
 
 def test_a_small_further_effect_is_doubted_beside_a_remainder(named):
@@ -187,7 +216,7 @@ def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_name
     monkeypatch.setattr(diagnose, 'hold_out', lambda *_: SimpleNamespace(**GAINED))
     effect = Found(Proposal(cause, {}, parameters, 9e3), 0.99, {}, 9e3, ())
     walked = SimpleNamespace(
-        found=(effect,), after=None,
+        found=(effect,), after=None, stages=(),
         before=SimpleNamespace(stage=SimpleNamespace(turned={})),
     )  # fmt: skip
     rest = Unexplained(False, 0.0, 1.0, {})

@@ -16,7 +16,7 @@ from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import of_machine
-from escalator_twin.diagnosis.heldout import hold_out
+from escalator_twin.diagnosis.heldout import Earlier, hold_out
 from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
@@ -269,8 +269,9 @@ def settle(
     largest = max(found.gain for found in walked.found)
     alone = ONE_GAUGE if _has_other_gauges(context.machine) else ()
     farthest = max((found.gain for found in walked.found if _is_far_out(found)), default=-inf)
+    of_its_own = gained_beside(context, walked, seed)
     named = []
-    for found in walked.found:
+    for found, gained in zip(walked.found, of_its_own, strict=True):
         small = found.gain < SMALL * largest and found.proposal.cause not in alone
         # beside a larger remainder that nothing explains, a small further effect may be a part of it
         is_part = found.gain < rest.beside(found.proposal.cause)
@@ -279,5 +280,25 @@ def settle(
         # beside it; a gauge's is exact
         if of_machine(found.proposal) and farthest >= found.gain:
             doubt *= DOUBT
+        if not gained:
+            doubt *= REFUSED
         named.append((found, found.probability * factor * doubt))
     return named, held
+
+
+def gained_beside(context: Context, walked: Walked, seed: int) -> list[bool]:
+    """Tell of every effect whether held-out blocks leave it standing beside those accepted before it.
+
+    What all gain together may be the first one's alone. The first is judged by that gain; of one that
+    has no second look beside the others nothing is said.
+    """
+    effects = tuple(found.proposal for found in walked.found)
+    if len(effects) < 2 or not walked.stages:
+        return [True] * len(effects)
+    beside = (*walked.stages[1:], walked.after)
+    gained = [True]
+    for k in range(1, len(effects)):
+        earlier = Earlier(walked.stages[k], effects[:k])
+        held = hold_out(context, beside[k], effects[k : k + 1], seed, earlier=earlier)
+        gained.append(held.channels is None or held.significant)
+    return gained

@@ -64,6 +64,26 @@ def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
     return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
 
 
+def known_of_measurement(stage: Stage, effects: Sequence[Proposal]) -> Stage:
+    """Return the stage whose nuisance columns have room for effects of the measurement, see `freed`.
+
+    Its whitened columns stay as they are: what is compared on parts of a recording is whitened there.
+    """
+    nuisance = stage.nuisance
+    names, columns = nuisance.names, nuisance.columns.copy()
+    for effect in effects:
+        if of_machine(effect):
+            continue
+        if effect.cause == 'gauge_drift':
+            extra = np.float32(FREED) * creep(stage, effect)[:, :, None]
+            names, columns = (*names, f'effect/{len(names)}'), np.concatenate([columns, extra], 2)
+            continue
+        for k, name in enumerate(names):
+            if effect.nuisance is not None and name.startswith(effect.nuisance):
+                columns[:, :, k] *= np.float32(FREED)
+    return replace(stage, nuisance=replace(nuisance, names=names, columns=columns))
+
+
 def creep(stage: Stage, effect: Proposal) -> np.ndarray:
     """Return the creep of a link's gauges over the recording by its strain, (n, c)."""
     whole = np.zeros(stage.observation.measured.shape, np.float32)

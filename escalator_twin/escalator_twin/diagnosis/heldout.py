@@ -1,14 +1,14 @@
 """What an extension gains on samples that its numbers were not fitted to."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import re
 
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import SHAKING
-from escalator_twin.diagnosis.free import creep, of_machine, without_own
+from escalator_twin.diagnosis.free import creep, known_of_measurement, of_machine, without_own
 from escalator_twin.diagnosis.nuisance import CREEP
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
@@ -24,6 +24,21 @@ SLOW = re.compile(f'^course|/drift/|{CREEP}|/zero$')  # nuisance of the instrume
 BOUND = ('link', 'axle', 'step', 'steps', 's_m')  # keys of effects that pass once a loop
 
 
+@dataclass(frozen=True)
+class Earlier:
+    """What was accepted before further effects.
+
+    Attributes
+    ----------
+    place : Beside
+        The machine with it, aligned.
+    effects : tuple of Proposal
+    """
+
+    place: Beside
+    effects: tuple[Proposal, ...]
+
+
 def hold_out(
     context: Context,
     after: Beside,
@@ -31,6 +46,7 @@ def hold_out(
     seed: int = 0,
     turned: Mapping[str, float] | None = None,
     sizes_known: bool = False,
+    earlier: Earlier | None = None,
 ) -> HeldOut:
     """Fit on a part of a recording, compare on the rest.
 
@@ -50,9 +66,17 @@ def hold_out(
         the effects gain is counted from there.
     sizes_known : bool
         The sizes come from other recordings: nothing of the effects is fitted to this one.
+    earlier : Earlier, optional
+        What was accepted before, and is on both sides: asked is what ``effects`` gain beside it.
     """
-    stage = without_own(_with_columns(after.stage), effects)
-    bare = replace(stage, machine=context.machine)
+    stage = _with_columns(after.stage)
+    machine = context.machine
+    if earlier is not None:
+        machine, turned = earlier.place.stage.machine, earlier.place.stage.turned
+        stage = without_own(stage, earlier.effects)
+        stage = known_of_measurement(stage, earlier.effects)
+    stage = without_own(stage, effects)
+    bare = replace(stage, machine=machine)
     base = bare.run()
     plain = base if turned is None else replace(bare, turned=dict(turned)).run()
     change = after.model - base

@@ -100,6 +100,7 @@ class Walked:
     weighed: tuple[Weighed, ...]
     left: Found | None = None
     last: Round | None = None
+    stages: tuple[Beside, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -171,6 +172,7 @@ def walk(
     weighed: list[Weighed] = []
     left: Found | None = None
     last: Round | None = None
+    stages: list[Beside] = []
     is_first = not (start or suggested)
     for _ in range(MOST_ROUNDS):
         bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
@@ -238,6 +240,7 @@ def walk(
         if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
         last = None
+        stages.append(place)
         found.append(_found(weighed, match))
         polished = None if match is None else match.polished
         if polished is None:
@@ -256,7 +259,9 @@ def walk(
             say(f'{len(found)} effects explain {explained:.3f}')
         if is_in_vain(found, explained, MOST_EFFECTS - len(found)):
             break
-    return Walked(tuple(found), before, place, tuple(weighed), left, last)
+    if len(stages) != len(found):
+        stages = []
+    return Walked(tuple(found), before, place, tuple(weighed), left, last, tuple(stages))
 
 
 def _match(top: Weighed, tried: Sequence[Tried]) -> Tried | None:
