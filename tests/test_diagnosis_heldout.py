@@ -203,9 +203,9 @@ def test_a_further_effect_gains_what_the_first_does_not(there, is_gain, seed):
     known = stage_of(measured, base + first)
     model = base + first + passing(n, there)
     after = Beside(known, None, model, known.fit(model))
-    earlier = Earlier(SimpleNamespace(stage=known), (EVERYWHERE,))
+    earlier = Earlier(MACHINE, (EVERYWHERE,))
     context = SimpleNamespace(machine=MACHINE)
-    alone = hold_out(context, after, [effect(there)], seed, earlier=earlier)
+    alone = hold_out(SimpleNamespace(machine=None), after, [effect(there)], seed, earlier=earlier)
     assert alone.significant == is_gain
     # both together gain much, whatever the second is
     stage = stage_of(measured, base)
@@ -232,7 +232,7 @@ def test_beside_a_known_fault_of_a_gauge_an_effect_is_held_out_with_it(cause):
     measured[:, 0] += (0.2 * base if cause == 'gauge_gain' else creep(stage, known))[:, 0]
     model = base + passing(N, AXLE)
     after = freed(Beside(stage, None, model, stage.fit(model)), [known])
-    earlier = Earlier(SimpleNamespace(stage=stage), (known,))
+    earlier = Earlier(MACHINE, (known,))
     found = hold_out(SimpleNamespace(machine=None), after, [effect()], 1, earlier=earlier)
     assert found.significant
     assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2

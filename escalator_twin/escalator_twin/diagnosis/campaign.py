@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from escalator_twin.diagnosis.conclusion import NAMED
 from escalator_twin.diagnosis.confirm import Confirmed
-from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
+from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine

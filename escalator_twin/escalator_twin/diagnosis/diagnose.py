@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
 from escalator_twin.comparison.document import recording_document
@@ -11,18 +10,17 @@ from escalator_twin.comparison.locate import locate, Setting
 from escalator_twin.diagnosis.bodies.context import prepare as prepare_bodies
 from escalator_twin.diagnosis.bodies.running import whole_trace
 from escalator_twin.diagnosis.bodies.search import FREE_BODIES
+from escalator_twin.diagnosis.conclusion import conclude, NAMED
 from escalator_twin.diagnosis.context import Context, quiet_chi2
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor import load_floor
-from escalator_twin.diagnosis.found import Found, ONE_GAUGE
+from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
-from escalator_twin.diagnosis.heldout import Earlier, hold_out
 from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
-from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.stage import run_beside
 from escalator_twin.diagnosis.telling import (
     candidates,
@@ -32,9 +30,8 @@ from escalator_twin.diagnosis.telling import (
     weighed_fault,
     would_change,
 )
-from escalator_twin.diagnosis.unexplained import belief_beside, look, NOT_JUDGED, Unexplained
-from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
-from escalator_twin.diagnosis.walk import Bench, LINKED, walk, Walked
+from escalator_twin.diagnosis.unexplained import look, NOT_JUDGED, Unexplained
+from escalator_twin.diagnosis.walk import Bench, LINKED, walk
 from escalator_twin.diagnosis.within import within_tolerance
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine
@@ -42,11 +39,6 @@ from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Recording
 from escalator_twin.threads import one_thread_each
 
-NAMED = 0.5  # probability from which an effect is told as accepted
-SMALL = 0.1  # of the largest effect's fall of chi squared
-# Of the probability of such a one, where much stays unexplained, or of a size far out.
-DOUBT = 0.45
-REFUSED = 0.3  # of the probability, where nothing is gained held out or a channel becomes worse
 Progress = Callable[[float, float], None]
 STAGES = 10.0
 
@@ -149,13 +141,9 @@ def diagnose_recording(
     before = bench.bare(walked.before, [found.proposal for found in walked.found])
     rest = look(context, before, walked.after)
     walked, rest = within_tolerance(context, walked, rest, bench, jobs)
-    named, held = settle(context, walked, rest, seed, bench)
-    rest = left_open(context, walked, named, rest)
+    named, held, rest, after = conclude(context, walked, rest, seed, bench, jobs)
     if progress is not None:
         progress(STAGES, STAGES)
-    if bench is LINKED and any(p >= NAMED for _, p in named):
-        reached = with_reach(context, walked.after, [found for found, _ in named], jobs)
-        named = [(found, p) for found, (_, p) in zip(reached, named, strict=True)]
     effects = [told(found, p) for found, p in named if p >= NAMED]
     effects += [told_fault(fault) for fault in faults]
     kept = [found.proposal for found, p in named if p >= NAMED and of_machine(found.proposal)]
@@ -168,7 +156,7 @@ def diagnose_recording(
         held,
         faults,
         tuple(named),
-        {'before': split(context, walked.before), 'after': split(context, walked.after)},
+        {'before': split(context, walked.before), 'after': split(context, after)},
         would_change(context, walked, named, held, bench.decide),
         rolled(walked.after, [(f.proposal, f.sd) for f in walked.found])
         if bench is LINKED
@@ -199,18 +187,6 @@ def unplaced(recording: Recording, machine: Machine, setting: Setting) -> Diagno
     )
 
 
-def left_open(
-    context: Context, walked: Walked, named: Sequence[tuple[Found, float]], rest: Unexplained
-) -> Unexplained:
-    """Return what stays unexplained once it is known which effects are named.
-
-    What a law that is not believed fits is explained by nothing: where none is named, all of it.
-    """
-    if not walked.found or any(p >= NAMED for _, p in named):
-        return rest
-    return look(context, walked.before, walked.before)
-
-
 def _placed(
     recording: Recording, machine: Machine, jobs: int, tell: Progress, setting: Setting | None
 ) -> tuple[Context, Trace, Bench]:
@@ -226,79 +202,3 @@ def _placed(
         return found, whole_trace(machine, found.runs), FREE_BODIES
     context = prepare(recording, machine, floor, jobs, tell, setting)
     return context, run_beside(machine, context.setting.experiment, context.setting), LINKED
-
-
-def _has_other_gauges(machine: Machine) -> bool:
-    """Tell whether what a law leaves would show in more gauges than one."""
-    return sum(s.quantity == 'link_force' for s in machine.instruments.sensors) > 1
-
-
-def _is_far_out(found: Found) -> bool:
-    """Tell whether an effect of the machine is larger than its law is known to hold."""
-    return of_machine(found.proposal) and size_in_references(found.proposal) > FAR_SIZE
-
-
-def settle(
-    context: Context, walked: Walked, rest: Unexplained, seed: int, bench: Bench = LINKED
-) -> tuple[list[tuple[Found, float]], HeldOut | None]:
-    """Decide which effects are named, by what they explain and by what they gain held out.
-
-    Returns
-    -------
-    named : list of (Found, probability)
-    held : HeldOut or None
-    """
-    if not walked.found:
-        return [], None
-    effects = [f.proposal for f in walked.found]
-    start = bench.begin(walked.before, effects)
-    held = hold_out(context, walked.after, effects, seed, start)
-    factor = 1.0
-    explained = rest.explained
-    if held.significant and not any(of_machine(effect) for effect in effects):
-        # an instrument's own nuisance takes its fault at a small price: beside a good instrument's, which is
-        # what is held out without it, the fault explains more
-        explained = max(explained, held.whole_low)
-    if rest.significant and explained < 1.0:
-        # what stays open speaks against the names, the more of it the more
-        factor *= belief_beside(explained)
-    if held.channels is not None and (held.worse or not held.significant):
-        factor *= REFUSED
-    if held.channels is None:
-        factor *= 0.95  # no second look
-    largest = max(found.gain for found in walked.found)
-    alone = ONE_GAUGE if _has_other_gauges(context.machine) else ()
-    farthest = max((found.gain for found in walked.found if _is_far_out(found)), default=-inf)
-    of_its_own = gained_beside(context, walked, seed)
-    named = []
-    for found, gained in zip(walked.found, of_its_own, strict=True):
-        small = found.gain < SMALL * largest and found.proposal.cause not in alone
-        # beside a larger remainder that nothing explains, a small further effect may be a part of it
-        is_part = found.gain < rest.beside(found.proposal.cause)
-        doubt = DOUBT if small and rest.significant and is_part else 1.0
-        # nothing is left, but so far out something else may act like this law, or like it and what it leaves
-        # beside it; a gauge's is exact
-        if of_machine(found.proposal) and farthest >= found.gain:
-            doubt *= DOUBT
-        if not gained:
-            doubt *= REFUSED
-        named.append((found, found.probability * factor * doubt))
-    return named, held
-
-
-def gained_beside(context: Context, walked: Walked, seed: int) -> list[bool]:
-    """Tell of every effect whether held-out blocks leave it standing beside those accepted before it.
-
-    What all gain together may be the first one's alone. The first is judged by that gain; of one that
-    has no second look beside the others nothing is said.
-    """
-    effects = tuple(found.proposal for found in walked.found)
-    if len(effects) < 2 or not walked.stages:
-        return [True] * len(effects)
-    beside = (*walked.stages[1:], walked.after)
-    gained = [True]
-    for k in range(1, len(effects)):
-        earlier = Earlier(walked.stages[k], effects[:k])
-        held = hold_out(context, beside[k], effects[k : k + 1], seed, earlier=earlier)
-        gained.append(held.channels is None or held.significant)
-    return gained

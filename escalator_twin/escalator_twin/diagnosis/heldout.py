@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.scores import HeldOut, scored, Seen, undecided
 from escalator_twin.diagnosis.stage import LARGEST, Stage
+from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
 
 BLOCKS = 12
@@ -30,12 +31,13 @@ class Earlier:
 
     Attributes
     ----------
-    place : Beside
-        The machine with it, aligned.
+    machine : Machine
+        With it.
     effects : tuple of Proposal
+        Of machine and measurement.
     """
 
-    place: Beside
+    machine: Machine
     effects: tuple[Proposal, ...]
 
 
@@ -62,8 +64,8 @@ def hold_out(
     seed : int
         Of the bootstrap.
     turned : mapping of tolerance to float, optional
-        Where the machine as described comes nearest without any effect, standard deviations: what
-        the effects gain is counted from there.
+        Where the machine comes nearest without the effects, standard deviations: what they gain is
+        counted from there.
     sizes_known : bool
         The sizes come from other recordings: nothing of the effects is fitted to this one.
     earlier : Earlier, optional
@@ -72,7 +74,7 @@ def hold_out(
     stage = _with_columns(after.stage)
     machine = context.machine
     if earlier is not None:
-        machine, turned = earlier.place.stage.machine, earlier.place.stage.turned
+        machine = earlier.machine
         stage = without_own(stage, earlier.effects)
         stage = known_of_measurement(stage, earlier.effects)
     stage = without_own(stage, effects)

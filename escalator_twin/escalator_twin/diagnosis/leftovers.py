@@ -8,7 +8,8 @@ suggested to the recordings that are searched next, and named where they have it
 from collections.abc import Sequence
 
 from escalator_twin.diagnosis.campaign import LEAST_PART, pooled, SURE_SD
-from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
+from escalator_twin.diagnosis.conclusion import NAMED
+from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal, same_place

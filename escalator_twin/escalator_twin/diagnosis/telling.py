@@ -44,7 +44,7 @@ VALUE_ERRORS = {
 SURE = 0.9  # probability from which nothing more is asked for
 DOUBTFUL = 0.1  # from which a cause that is not named is worth another experiment
 MOST_CANDIDATES = 20
-# Of a probability, as `diagnose.REFUSED`: weighed as an effect, and held to be none.
+# Of a probability, as `conclusion.REFUSED`: weighed as an effect, and held to be none.
 LEFT_OVER = 0.3
 HIDDEN = {'phase_rad', 'curvature', 'slip'}
 SHAPES = {('guide_step', 'length_m')}  # not among the numbers of contracts.md

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from escalator_twin.diagnosis.campaign import Joint, MANY, pooled, Sized
+from escalator_twin.diagnosis.conclusion import NAMED
 from escalator_twin.diagnosis.context import Beside, Context
-from escalator_twin.diagnosis.diagnose import Diagnosis, NAMED
+from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.proposals import Proposal, same_place
