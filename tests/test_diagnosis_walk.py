@@ -59,7 +59,7 @@ def walked(monkeypatch):
             propose, attempt, again, lambda place, _: place, lambda *_: None, lambda *_: {}
         )
         whole = walk(SimpleNamespace(place=PLACE, floor=None), bench=bench)
-        walk_with.last = whole.last
+        walk_with.last, walk_with.stages = whole.last, whole.stages
         return [f.proposal for f in whole.found]
 
     return walk_with
@@ -116,6 +116,23 @@ def test_an_effect_that_is_dropped_beside_a_later_one_costs_no_round(walked):
 
     found = walked(lambda *_: [next(rounds)], again=again, excess=7e3)
     assert found == [friction, landing, gauge]
+    assert walked.stages == ()  # the step is in what the landing was accepted beside
+
+
+@pytest.mark.issue(7)
+def test_the_machine_before_each_effect_is_told(walked):
+    friction = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
+    gauge = Proposal('gauge_gain', {'link': 'right_b'}, {'factor': 1.06}, 2e3)
+    rounds = iter([[friction], [gauge], []])
+
+    def again(context, place, known, _):
+        beside = SimpleNamespace(stage=place.stage, known=[e.cause for e in known])
+        return Polished(context, beside, tuple(known), tuple({} for _ in known))
+
+    assert walked(lambda *_: next(rounds), again=again, excess=7e3) == [friction, gauge]
+    before, between = walked.stages
+    assert before is PLACE
+    assert between.known == ['tensioner_friction']
 
 
 def test_what_is_left_of_a_mirror_image_is_taken_out_and_the_rest_fitted_alone(walked):
