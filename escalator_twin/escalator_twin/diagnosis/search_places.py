@@ -88,12 +88,17 @@ def _loaded(right: Floats, gram: Floats, steps: list[int], places: int) -> Propo
     )  # fmt: skip
 
 
+def worth_a_step(n: int) -> float:
+    """Return by how much chi squared must fall for one of n steps to be chosen."""
+    return 2.0 * float(np.log(n)) + 4.0
+
+
 def _improved(start: Proposal, right: Floats, gram: Floats, n: int) -> Proposal:
     """Add or drop single steps while chi squared falls by more than choosing them costs."""
     steps = start.location['steps']
     assert isinstance(steps, list)
     current, places = start, start.places
-    worth = 2.0 * np.log(n) + 4.0
+    worth = worth_a_step(n)
     for _ in range(n):
         options = [[s for s in steps if s != k] for k in steps if len(steps) > 1]
         options += [[*steps, k] for k in range(n) if k not in steps]

@@ -17,7 +17,7 @@ from escalator_twin.diagnosis.contenders import (
     one_gauge,
     place_of,
 )
-from escalator_twin.diagnosis.context import Beside, beside, Context
+from escalator_twin.diagnosis.context import Beside, beside, Context, quiet_chi2
 from escalator_twin.diagnosis.families import COSTLY, FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
 from escalator_twin.diagnosis.found import (
@@ -29,6 +29,7 @@ from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.hollows import out_of_hollow
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regroup import regrouped
 from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
@@ -125,6 +126,8 @@ class Bench:
         what the effects gain is counted.
     nearer : callable, optional
         See `out_of_hollow`.
+    regroup : callable, optional
+        See `regrouped`.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
@@ -134,6 +137,9 @@ class Bench:
     decide: Callable[[Context, Proposal, Proposal | None], Further | None]
     begin: Callable[[Beside, Sequence[Proposal]], Mapping[str, float]]
     nearer: Callable[[Context, Beside, Tried, int], tuple[Context, Beside] | None] | None = None
+    regroup: Callable[[Context, Beside, Sequence[Proposal], int], list[Proposal] | None] | None = (
+        None
+    )
 
 
 def walk(
@@ -252,6 +258,11 @@ def walk(
             polished = bench.again(context, place, [*start, *(f.proposal for f in kept)], jobs)
             context, place = polished.context, polished.place
             found = refitted(kept, polished)
+        if bench.regroup is not None:
+            other = _regrouped(bench.regroup, bench.again, polished, start, found, jobs)
+            if other is not None:
+                polished, found = other
+                context, place = polished.context, polished.place
         found = [f for f in found if not _is_gone(f.proposal)]
         place = freed(place, [*start, *(f.proposal for f in found)])
         explained = explained_by(before, place, context.floor)
@@ -262,6 +273,33 @@ def walk(
     if len(stages) != len(found):
         stages = []
     return Walked(tuple(found), before, place, tuple(weighed), left, last, tuple(stages))
+
+
+def _regrouped(
+    regroup: Callable[[Context, Beside, Sequence[Proposal], int], list[Proposal] | None],
+    again: Callable[[Context, Beside, Sequence[Proposal], int], Polished],
+    polished: Polished,
+    start: Sequence[Proposal],
+    found: Sequence[Found],
+    jobs: int,
+) -> tuple[Polished, list[Found]] | None:
+    """Return effects at other places that explain more together; None where there are none."""
+    context, place = polished.context, polished.place
+    effects = regroup(context, place, [*start, *(f.proposal for f in found)], jobs)
+    if effects is None or effects[: len(start)] != list(start):
+        return None
+    other = again(context, place, effects, jobs)
+    if quiet_chi2(other.place) >= quiet_chi2(place):
+        return None
+    rows = zip(found, effects[len(start) :], strict=True)
+    return other, refitted([_at(one, effect) for one, effect in rows], other)
+
+
+def _at(one: Found, effect: Proposal) -> Found:
+    """Return what was found with its effect as another proposal has it."""
+    own = one.proposal
+    rivals = (replace(r, proposal=effect) if r.proposal is own else r for r in one.rivals)
+    return replace(one, proposal=effect, rivals=tuple(rivals))
 
 
 def _match(top: Weighed, tried: Sequence[Tried]) -> Tried | None:
@@ -319,10 +357,7 @@ def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
         )
         if at is not None:
             effect, sd = rows.pop(at)
-            rivals = tuple(
-                replace(r, proposal=effect) if r.proposal is own else r for r in one.rivals
-            )
-            one = replace(one, proposal=effect, sd=sd, rivals=rivals)
+            one = replace(_at(one, effect), sd=sd)
         again.append(one)
     return again
 
@@ -356,4 +391,6 @@ def as_tuned(place: Beside, _: Sequence[Proposal]) -> Mapping[str, float]:
     return place.stage.turned
 
 
-LINKED = Bench(propose, try_all, fit_again, as_it_is, decide_between, as_tuned, out_of_hollow)
+LINKED = Bench(
+    propose, try_all, fit_again, as_it_is, decide_between, as_tuned, out_of_hollow, regrouped
+)

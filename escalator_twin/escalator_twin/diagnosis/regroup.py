@@ -1,0 +1,100 @@
+"""The steps of an accepted load, chosen once more beside what was found since."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.joint import JointFit
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regression import inner_products, inverse
+from escalator_twin.diagnosis.search_places import worth_a_step
+from escalator_twin.diagnosis.verdict import neutral_of
+from escalator_twin.diagnosis.view import View
+from escalator_twin.signals import Floats
+
+LOAD = 'load_distribution'
+
+
+def regrouped(
+    context: Context, place: Beside, effects: Sequence[Proposal], jobs: int = 1
+) -> list[Proposal] | None:
+    """Return effects with the steps of their loads that still carry them; None where all of them do.
+
+    A load's steps are chosen one by one, by what each explains. Before a dragging roller was found, two steps on
+    which it stood seemed loaded with three others: beside it they are worth less than none.
+
+    Parameters
+    ----------
+    context : Context
+    place : Beside
+        The machine with all effects.
+    effects : sequence of Proposal
+        Of machine and measurement, in the order of their acceptance. The last one was chosen beside all others.
+    jobs : int
+        Simulations at a time.
+    """
+    responses = context.responses.places.get(LOAD)
+    machine = [e for e in effects if of_machine(e)]
+    chosen = [e for e in effects[:-1] if e.cause == LOAD and len(_steps(e)) > 1]
+    if responses is None or not chosen:
+        return None
+    direction = context.setting.experiment.direction
+    view = View.of(context.machine, place.stage.observation, context.responses, direction)
+    each = place.stage.columns(view.each(responses), LOAD)
+    kept = list(effects)
+    for one in chosen:
+        # what its numbers do is what its steps do
+        fixed = [e if e is not one else replace(e, fitted=()) for e in machine]
+        others = JointFit(context, (), None).columns(place, fixed, jobs)
+        steps = carrying(*_beside(*_products(place, each, others), one, len(each[0])), _steps(one))
+        if len(steps) < len(_steps(one)):
+            kept[kept.index(one)] = replace(one, location={**one.location, 'steps': steps})
+    return None if kept == list(effects) else kept
+
+
+def carrying(right: Floats, gram: Floats, steps: Sequence[int]) -> list[int]:
+    """Return the steps of a load without those that pay for being chosen no more.
+
+    Parameters
+    ----------
+    right : (n,) float64
+        Right side of the normal equations of every step's load.
+    gram : (n, n) float64
+    steps : sequence of int
+    """
+    kept = list(steps)
+
+    def gain(some: Sequence[int]) -> float:
+        return float(right[some].sum() ** 2 / gram[np.ix_(some, some)].sum())
+
+    while len(kept) > 1:
+        options = [[s for s in kept if s != k] for k in kept]
+        best = max(options, key=gain)
+        if gain(best) < gain(kept) - worth_a_step(len(right)):
+            break
+        kept = best
+    return kept
+
+
+def _steps(effect: Proposal) -> list[int]:
+    steps = effect.location['steps']
+    assert isinstance(steps, list)
+    return steps
+
+
+def _products(place: Beside, each: np.ndarray, others: np.ndarray) -> tuple[Floats, Floats]:
+    """Return the normal equations of single steps beside the numbers of other effects and the nuisance."""
+    n = each.shape[1]
+    right, gram = inner_products(place.fitted, np.concatenate([each, others], axis=1))
+    cross = gram[:n, n:] @ inverse(gram[n:, n:])
+    return right[:n] - cross @ right[n:], gram[:n, :n] - cross @ gram[n:, :n]
+
+
+def _beside(right: Floats, gram: Floats, one: Proposal, n: int) -> tuple[Floats, Floats]:
+    """Return the normal equations with what a load does, which the model holds, put back."""
+    held = np.zeros(n)
+    held[_steps(one)] = one.parameters['load_factor'] - neutral_of(LOAD, 'load_factor')
+    return right + gram @ held, gram
