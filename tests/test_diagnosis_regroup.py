@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
 from escalator_twin.diagnosis.regroup import carrying, regrouped
 from escalator_twin.diagnosis.verdict import Weighed
+from escalator_twin.errors import ExperimentError
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
 
@@ -73,6 +74,15 @@ def test_steps_that_stood_in_for_a_later_effect_are_let_go(machine):
 @pytest.mark.parametrize('steps', [[23, 24, 25], [23, 24, 25, 37, 40], [7]])
 def test_steps_that_carry_the_load_stay(machine, steps):
     assert regrouped_beside(machine, [load(steps), DRAG], steps, steps) is None
+
+
+def test_where_no_machine_runs_the_steps_stay(machine, monkeypatch):
+    def ends(*_):
+        raise ExperimentError('diverged')
+
+    monkeypatch.setattr(regroup.JointFit, 'columns', ends)
+    told = [23, 24, 25, 37, 40]
+    assert regrouped_beside(machine, [load(told), DRAG], [23, 24, 25], told, 0.2) is None
 
 
 def test_a_load_that_was_chosen_last_was_chosen_beside_all_others(machine):

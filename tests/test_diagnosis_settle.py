@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.telling import candidates, evidence_lines, LEFT_OV
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.verdict import Weighed
 from escalator_twin.diagnosis.walk import refitted
+from escalator_twin.errors import ExperimentError
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
 
@@ -242,6 +243,15 @@ def test_an_effect_before_others_of_the_machine_is_asked_without_them(named):
         ('truss_resonance', 'first', ['gauge_gain'], 'second'),
         ('tensioner_friction', 'second', ['gauge_gain', 'truss_resonance'], 'after'),
     ]
+
+
+@pytest.mark.issue(7)
+def test_where_no_machine_runs_without_an_effect_nothing_is_said_against_it(named):
+    def ends(*_):
+        raise ExperimentError('diverged')
+
+    found = named(stages=('bare', 'first', 'second'), beside=ends)
+    assert found == {'tensioner_friction', 'truss_resonance', 'gauge_gain'}
 
 
 @pytest.mark.issue(7)

@@ -13,6 +13,7 @@ from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.search_places import worth_a_step
 from escalator_twin.diagnosis.verdict import neutral_of
 from escalator_twin.diagnosis.view import View
+from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
 LOAD = 'load_distribution'
@@ -48,7 +49,10 @@ def regrouped(
     for one in chosen:
         # what its numbers do is what its steps do
         fixed = [e if e is not one else replace(e, fitted=()) for e in machine]
-        others = JointFit(context, (), None).columns(place, fixed, jobs)
+        try:
+            others = JointFit(context, (), None).columns(place, fixed, jobs)
+        except EscalatorError:  # no machine runs beside these: the steps stay as they were chosen
+            continue
         steps = carrying(*_beside(*_products(place, each, others), one, len(each[0])), _steps(one))
         if len(steps) < len(_steps(one)):
             kept[kept.index(one)] = replace(one, location={**one.location, 'steps': steps})
