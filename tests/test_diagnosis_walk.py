@@ -46,6 +46,7 @@ def walked(monkeypatch):
         is_used_up=False,
         explained=1.0,
         fell=inf,
+        regroup=None,
     ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(bounds, 'is_open', lambda *_: is_open)
@@ -56,7 +57,13 @@ def walked(monkeypatch):
         monkeypatch.setattr(bounds, 'fell_by', lambda *_: fell() if callable(fell) else fell)
         monkeypatch.setattr(module, 'may_hide', lambda *_: False)
         bench = Bench(
-            propose, attempt, again, lambda place, _: place, lambda *_: None, lambda *_: {}
+            propose,
+            attempt,
+            again,
+            lambda place, _: place,
+            lambda *_: None,
+            lambda *_: {},
+            regroup=regroup,
         )
         whole = walk(SimpleNamespace(place=PLACE, floor=None), bench=bench)
         walk_with.last, walk_with.stages = whole.last, whole.stages
@@ -133,6 +140,22 @@ def test_the_machine_before_each_effect_is_told(walked):
     before, between = walked.stages
     assert before is PLACE
     assert between.known == ['tensioner_friction']
+
+
+@pytest.mark.issue(7)
+def test_of_effects_that_were_moved_no_machine_before_them_is_told(walked, monkeypatch):
+    load = Proposal('load_distribution', {'steps': [3, 4, 9]}, {'load_factor': 1.8}, 9e4)
+    drag = Proposal('roller_drag', {'axle': 9, 'side': 'left'}, {'force_N': 120.0}, 9e3)
+    moved = replace(load, location={'steps': [3, 4]})
+    rounds = iter([[load], [drag], []])
+    levels = iter([900.0, 1000.0])
+    monkeypatch.setattr(module, 'quiet_chi2', lambda _: next(levels))
+
+    def regroup(_, __, effects, ___):
+        return [moved, drag] if effects == [load, drag] else None
+
+    assert walked(lambda *_: next(rounds), excess=7e3, regroup=regroup) == [moved, drag]
+    assert walked.stages == ()
 
 
 def test_what_is_left_of_a_mirror_image_is_taken_out_and_the_rest_fitted_alone(walked):

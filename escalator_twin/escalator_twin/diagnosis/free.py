@@ -1,6 +1,6 @@
 """The nuisance that an effect of the measurement stands for, freed of its prior."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,23 +25,38 @@ def freed(place: Beside, effects: Sequence[Proposal]) -> Beside:
     The tolerance that an effect of the machine stands for stays as it is: the effect is its size.
     """
     stage = place.stage
-    columns = stage.white_nuisance
+
+    def extra(effect: Proposal) -> np.ndarray:
+        white: np.ndarray = stage.whiten(creep(stage, effect)[:, :, None])
+        return white
+
+    names, columns = _widened(stage.nuisance.names, stage.white_nuisance, effects, extra)
+    stage = replace(stage, nuisance=replace(stage.nuisance, names=names), white_nuisance=columns)
+    return replace(place, stage=stage, fitted=stage.fit(place.model))
+
+
+def _widened(
+    names: tuple[str, ...],
+    columns: np.ndarray,
+    effects: Sequence[Proposal],
+    extra: Callable[[Proposal], np.ndarray],
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return nuisance with room for effects of the measurement, one column a name on the last axis.
+
+    A creep's shape is none of a good gauge's: it gets a column of its own, which ``extra`` gives.
+    """
+    columns = columns.copy()
     for effect in effects:
         if of_machine(effect):
             continue
-        names = stage.nuisance.names
         if effect.cause == 'gauge_drift':
-            extra = stage.whiten(creep(stage, effect)[:, :, None])
-            columns = np.concatenate([columns, extra * np.float32(FREED)], axis=1)
-            nuisance = replace(stage.nuisance, names=(*names, f'effect/{len(names)}'))
-            stage = replace(stage, nuisance=nuisance)
+            columns = np.concatenate([columns, extra(effect) * np.float32(FREED)], axis=-1)
+            names = (*names, f'effect/{len(names)}')
             continue
-        columns = columns.copy()
         for k, name in enumerate(names):
             if effect.nuisance is not None and name.startswith(effect.nuisance):
-                columns[:, k] *= FREED
-    stage = replace(stage, white_nuisance=columns)
-    return replace(place, stage=stage, fitted=stage.fit(place.model))
+                columns[..., k] *= np.float32(FREED)
+    return names, columns
 
 
 def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
@@ -70,17 +85,9 @@ def known_of_measurement(stage: Stage, effects: Sequence[Proposal]) -> Stage:
     Its whitened columns stay as they are: what is compared on parts of a recording is whitened there.
     """
     nuisance = stage.nuisance
-    names, columns = nuisance.names, nuisance.columns.copy()
-    for effect in effects:
-        if of_machine(effect):
-            continue
-        if effect.cause == 'gauge_drift':
-            extra = np.float32(FREED) * creep(stage, effect)[:, :, None]
-            names, columns = (*names, f'effect/{len(names)}'), np.concatenate([columns, extra], 2)
-            continue
-        for k, name in enumerate(names):
-            if effect.nuisance is not None and name.startswith(effect.nuisance):
-                columns[:, :, k] *= np.float32(FREED)
+    names, columns = _widened(
+        nuisance.names, nuisance.columns, effects, lambda e: creep(stage, e)[:, :, None]
+    )
     return replace(stage, nuisance=replace(nuisance, names=names, columns=columns))
 
 

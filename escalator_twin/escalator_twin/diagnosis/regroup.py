@@ -53,7 +53,10 @@ def regrouped(
             others = JointFit(context, (), None).columns(place, fixed, jobs)
         except EscalatorError:  # no machine runs beside these: the steps stay as they were chosen
             continue
-        steps = carrying(*_beside(*_products(place, each, others), one, len(each[0])), _steps(one))
+        right, gram = _products(place, each, others)
+        held = np.zeros(len(right))  # what the model holds of the load is put back
+        held[_steps(one)] = one.parameters['load_factor'] - neutral_of(LOAD, 'load_factor')
+        steps = carrying(right + gram @ held, gram, _steps(one))
         if len(steps) < len(_steps(one)):
             kept[kept.index(one)] = replace(one, location={**one.location, 'steps': steps})
     return None if kept == list(effects) else kept
@@ -95,10 +98,3 @@ def _products(place: Beside, each: np.ndarray, others: np.ndarray) -> tuple[Floa
     right, gram = inner_products(place.fitted, np.concatenate([each, others], axis=1))
     cross = gram[:n, n:] @ inverse(gram[n:, n:])
     return right[:n] - cross @ right[n:], gram[:n, :n] - cross @ gram[n:, :n]
-
-
-def _beside(right: Floats, gram: Floats, one: Proposal, n: int) -> tuple[Floats, Floats]:
-    """Return the normal equations with what a load does, which the model holds, put back."""
-    held = np.zeros(n)
-    held[_steps(one)] = one.parameters['load_factor'] - neutral_of(LOAD, 'load_factor')
-    return right + gram @ held, gram

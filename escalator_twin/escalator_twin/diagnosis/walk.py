@@ -263,6 +263,7 @@ def walk(
             if other is not None:
                 polished, found = other
                 context, place = polished.context, polished.place
+                stages.clear()  # they hold it where it was
         found = [f for f in found if not _is_gone(f.proposal)]
         place = freed(place, [*start, *(f.proposal for f in found)])
         explained = explained_by(before, place, context.floor)
