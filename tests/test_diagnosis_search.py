@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis import search_treads
+from escalator_twin.diagnosis import search_rails, search_treads
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.regression import fit, score_each
 from escalator_twin.diagnosis.search import Search, search_all, WORTH
 from escalator_twin.diagnosis.search_more import drive_waves
 from escalator_twin.diagnosis.search_places import drags
+from escalator_twin.diagnosis.whitening import Whitener
 
 pytestmark = pytest.mark.issue(6)
 
@@ -131,3 +132,47 @@ def test_a_spot_that_would_not_be_run_is_not_looked_for(monkeypatch, others, lef
     )  # fmt: skip
     with pytest.raises(LookedError) if is_looked_for else nullcontext():
         assert not list(search_treads.flats(search))
+
+
+def test_among_some_channels_a_candidate_explains_what_it_does_among_all():
+    n, channels, q, some = 240, 5, 6, [1, 3]
+    rng = np.random.default_rng(8)
+    whiten = Whitener(
+        np.ones((n, channels), np.float32), rng.uniform(0.5, 2.0, (150, channels)).astype(np.float32), 1.0
+    )  # fmt: skip
+    left = rng.normal(size=(n, channels, 1))
+    nuisance = rng.normal(size=(n, channels, q))
+    fitted = fit(whiten(left)[:, 0], whiten(nuisance), rng.normal(size=q))
+    search = Search(None, fitted, SimpleNamespace(whiten=whiten), np.zeros((n, channels)))
+    changes = np.zeros((n, channels, 3))
+    changes[:, some] = rng.normal(size=(n, 2, 3))
+    whole = score_each(fitted, whiten(changes))
+    alone, whiten_alone = search.among(some)
+    found = score_each(alone, whiten_alone(changes[:, some]))
+    for one, other in ((found.size, whole.size), (found.gain, whole.gain), (found.sd, whole.sd)):
+        assert one == pytest.approx(other, rel=1e-4)
+
+
+def test_a_bump_bends_the_way_of_each_roller_where_it_passes(monkeypatch):
+    # without the low-pass: the second derivative of the raised cosine, speed squared, a quarter of it
+    length, speed = 20.0, 0.4
+    way = np.array([0.01, 4.99, 5.0, 5.02, 5.04, 19.99])
+    view = SimpleNamespace(
+        observation=SimpleNamespace(frame=SimpleNamespace(speed_m_s=speed, rate_hz=50.0)),
+        place_of=lambda axle: way + length * axle,
+    )
+    monkeypatch.setattr(search_rails, 'band_limited', lambda raw, _: raw)
+    places = np.array([0.0, 5.0])
+    wave = 2.0 * np.pi / search_rails.LENGTH_M
+
+    def height(away):
+        return np.where(
+            np.abs(away) < 0.5 * search_rails.LENGTH_M, 0.5 * (1.0 + np.cos(wave * away)), 0.0
+        )
+
+    away = (way[:, None] - places + 0.5 * length) % length - 0.5 * length
+    step = 1e-5
+    bend = (height(away + step) - 2.0 * height(away) + height(away - step)) / step**2
+    for axle in (0, 1):
+        found = search_rails._bumps(SimpleNamespace(view=view), axle, places, length)
+        assert found == pytest.approx(0.25 * speed**2 * bend, rel=1e-3, abs=1e-4)

@@ -86,7 +86,7 @@ def test_every_tolerance_is_run_once_and_later_steps_take_one_run(monkeypatch):
     def there(level):
         return SimpleNamespace(level=level, stage=SimpleNamespace(turned={'a': level}))
 
-    def step(_self, now, effects, _white):
+    def step(_self, now, effects, _white, _jobs):
         return (there(0.5 * now.level), (*effects, 'moved')) if now.level > 200.0 else None
 
     monkeypatch.setattr(JointFit, 'taken_whole', whole)

@@ -12,7 +12,7 @@ PACKAGE = Path(escalator_twin.__file__).parent
 FILES = sorted(PACKAGE.rglob('*.py'))
 # lowest first; what shares a line does not import one another
 LAYERS = (
-    ('errors', 'threads'),
+    ('errors', 'memory', 'threads'),
     ('signals',),
     ('schema',),
     ('machine',),

@@ -7,6 +7,7 @@ from scipy.interpolate import CubicHermiteSpline
 from escalator_twin.diagnosis.observation import slope_along, spline_at
 from escalator_twin.physics.chain import CORNER, FORCED, NEXT, PIVOT, solve_cyclic
 from escalator_twin.physics.rails import cubics, rail_at
+from escalator_twin.physics.run import middle_of
 
 pytestmark = pytest.mark.issue(6)
 LOOP_M = 24.0
@@ -83,3 +84,17 @@ def test_a_slope_is_that_of_the_wave():
     # a spline's slope on its samples is of fourth order: (2 pi / 10)^4 / 180 of the wave's
     bound = 1.1 * (0.2 * np.pi) ** 4 / 180 * 0.2 * np.pi / spacing_m
     assert np.abs(found - slopes / spacing_m)[inside].max() < bound
+
+
+@pytest.mark.parametrize('first', [-0.01, 0.0, 3.0, 19.99, 20.01])
+@pytest.mark.parametrize('apart', [-0.03, -0.005, 0.0, 0.005, 0.03])
+def test_between_two_places_of_a_loop_is_the_one_half_way_on_the_short_way(first, apart):
+    length = 20.0
+    # each may be told a loop further, or before the loop's beginning
+    middle = first + 0.5 * apart
+    for other in (first + apart, (first + apart) % length):
+        found = middle_of(first, other, length)
+        assert 0.0 <= found < length
+        assert np.exp(2j * np.pi * found / length) == pytest.approx(
+            np.exp(2j * np.pi * middle / length), abs=1e-12
+        )

@@ -17,6 +17,7 @@ from escalator_twin.diagnosis.recordings import rest_of
 from escalator_twin.errors import EscalatorError
 from escalator_twin.instruments import ideal, record
 from escalator_twin.machine import Deviation, load_machine, Machine
+from escalator_twin.memory import keep_freed
 from escalator_twin.signals import Experiment, Recording
 from escalator_twin.twin import make_simulation, Progress, run_twin
 
@@ -170,6 +171,7 @@ def diagnose(
     RecordingError, SynchronisationError
         Where a recording lacks what is needed.
     """
+    keep_freed()
     machine = load_machine(machine_path)
     target = Path(out) if out is not None else Path(f'{machine.name}_extended.yaml')
     if len(paths) == 1:

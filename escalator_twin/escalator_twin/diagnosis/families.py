@@ -8,8 +8,9 @@ from escalator_twin.diagnosis.search_rails import rail_steps
 from escalator_twin.diagnosis.search_treads import eccentric, flats
 from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 
+# What takes longest begins first: several look at a time.
 FAMILIES: tuple[Family, ...] = (
-    whole, tolerances, far, indexed, loads, drags, eccentric, stops, gains, drive_waves,
-    frame_bounce,
+    frame_bounce, drive_waves, eccentric, gains, indexed, loads, drags, whole, tolerances, far,
+    stops,
 )  # fmt: skip
 COSTLY: tuple[Family, ...] = (flats, rail_steps)

@@ -1,9 +1,10 @@
 """One step of a fit of effects and tolerances together."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import inf
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,6 +27,7 @@ WHOLE_STEP = 1.0  # standard deviations
 LEAST_WAY = 0.05  # standard deviations: a shorter step says nothing of what tolerances do
 
 Free = Callable[[Beside], Beside]
+One = TypeVar('One')
 
 
 @dataclass(frozen=True)
@@ -163,9 +165,13 @@ class JointFit:
         return np.concatenate(found, axis=1)
 
     def step(
-        self, place: Beside, effects: tuple[Proposal, ...], white: np.ndarray
+        self, place: Beside, effects: tuple[Proposal, ...], white: np.ndarray, jobs: int = 1
     ) -> tuple[Beside, tuple[Proposal, ...]] | None:
-        """Take the step of Gauss and Newton, or a part of it; None where neither explains more."""
+        """Take the step of Gauss and Newton, or a part of it; None where neither explains more.
+
+        Where a whole step does not, parts of it are run ``jobs`` at a time: the first that does is taken, however
+        many were run.
+        """
         stage = place.stage
         fitted, kept = _free(place, effects)
         right, gram = self.products(place, effects, white)
@@ -192,18 +198,15 @@ class JointFit:
             return self.beside(trial, turned), trial
 
         best, start = None, judged(place, effects)
-        value = start
-        for share in SHARES:
-            again = tried(share)
-            if judged(again[0], effects) < value:
-                best, value = again, judged(again[0], effects)
-                break
-        if best is None:
-            # what tolerances do bends within a part of a standard deviation: without them
-            for share in SHARES[:-1]:
-                again = tried(share, along=0.0)
-                if judged(again[0], effects) < start:
+        value, share = start, SHARES[-1]
+        # what tolerances do bends within a part of a standard deviation: at last without them
+        ways = [(s, 1.0) for s in SHARES] + [(s, 0.0) for s in SHARES[:-1]]
+        for way, again in first_few(tried, ways, jobs):
+            if judged(again[0], effects) < start:
+                if way[1] == 0.0:
                     return again
+                best, value, share = again, judged(again[0], effects), way[0]
+                break
         # fine patterns that a change shifts make its column larger than what it explains: on and on
         bend = value - start + 2.0 * share * float(right @ delta)  # times the share's square
         if bend > 0.0 and share * float(right @ delta) < FURTHER * bend:
@@ -252,6 +255,17 @@ class JointFit:
             found.append(spread)
             first += len(effect.fitted)
         return tuple(found)
+
+
+def first_few(
+    work: Callable[..., One], ways: Sequence[tuple[float, ...]], jobs: int
+) -> Iterator[tuple[tuple[float, ...], One]]:
+    """Do the first of some ways, then the others, some at a time, as long as they are asked for."""
+    yield ways[0], work(*ways[0])
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        for begin in range(1, len(ways), max(1, jobs)):
+            some = ways[begin : begin + max(1, jobs)]
+            yield from zip(some, pool.map(lambda way: work(*way), some), strict=True)
 
 
 def judged(place: Beside, effects: Sequence[Proposal]) -> float:

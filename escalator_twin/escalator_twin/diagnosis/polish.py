@@ -99,7 +99,7 @@ def polish(
     for _ in range(steps if judged(place, effects) <= most else 0):
         white = fit_one.columns(place, effects, jobs)
         spreads = fit_one.spreads(place, effects, white)
-        trial = fit_one.step(place, effects, white)
+        trial = fit_one.step(place, effects, white, jobs)
         if trial is None:
             break
         gained = judged(place, effects) - judged(trial[0], effects)
@@ -238,7 +238,7 @@ def polish_whole(
         before = (place, effects)
         white = fit_one.columns(place, effects, jobs)
         spreads = fit_one.spreads(place, effects, white)
-        trial = fit_one.step(place, effects, white)
+        trial = fit_one.step(place, effects, white, jobs)
         if trial is None:
             break
         gained = judged(place, effects) - judged(trial[0], effects)

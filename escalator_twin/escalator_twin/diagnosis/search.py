@@ -62,6 +62,19 @@ class Search:
         """What weighs the signals."""
         return self.stage.whiten
 
+    def among(self, channels: Sequence[int]) -> tuple[Fitted, Whitener]:
+        """Return fit and whitener of some channels, for candidates that change no other.
+
+        Their products with all else are the same, at a part of the cost.
+        """
+        count, q = self.model.shape[1], self.fitted.columns.shape[1]
+        some = list(channels)
+        columns = self.fitted.columns.reshape(-1, count, q)[:, some].reshape(-1, q)
+        white = self.fitted.white.reshape(-1, count)[:, some].ravel()
+        whiten = self.stage.whiten
+        alone = replace(whiten, mask=whiten.mask[:, some], weight=whiten.weight[:, some])
+        return replace(self.fitted, columns=columns, white=white), alone
+
 
 Family = Callable[[Search], Iterator[Proposal]]
 

@@ -124,11 +124,10 @@ def frame_bounce(search: Search) -> Iterator[Proposal]:
         force, rate = _frame_force(search)
     except EscalatorError:
         return
-    pull = np.zeros(search.model.shape)
     gravity = search.machine.gravity_m_s2
-    for axis in ('x', 'z'):
-        if axis in axes:
-            pull[:, axes[axis]] = np.clip(search.model[:, axes[axis]] / gravity, -1.0, 1.0)
+    moved = [axes[axis] for axis in ('x', 'z') if axis in axes]
+    pull = np.clip(search.model[:, moved] / gravity, -1.0, 1.0).astype(np.float32)
+    fitted, whiten = search.among(moved)
     where = observation.travel_m / observation.frame.speed_m_s * rate
     size = fft.next_fast_len(2 * len(force), real=True)
     spectrum = fft.rfft(force - force.mean(), size)
@@ -141,13 +140,13 @@ def frame_bounce(search: Search) -> Iterator[Proposal]:
     best: list[tuple[float, float, float, float, float]] = []
     for start in range(0, len(options), CHUNK):
         some = options[start : start + CHUNK]
-        columns = np.empty((*search.model.shape, len(some)), np.float32)
+        columns = np.empty((*pull.shape, len(some)), np.float32)
         for k, (f, damping) in enumerate(some):
             own = 2.0 * pi * f
             answer = -(omega**2) / (own**2 - omega**2 + 2j * damping * own * omega) * keep
             lift = fft.irfft(spectrum * answer, size)[: len(force)]
             columns[:, :, k] = pull * between(lift[:, None], where)
-        score = score_each(search.fitted, search.whiten(columns))
+        score = score_each(fitted, whiten(columns))
         for k, (f, damping) in enumerate(some):
             if score.size[k] > 0.0:
                 row = (float(score.gain[k]), f, damping, float(score.size[k]), float(score.sd[k]))

@@ -49,12 +49,11 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
     length = abs(view.responses.base.length_m)
     places = np.arange(0.0, length, RAIL_STEP_M)
     sizes, gains = np.zeros(len(places)), np.zeros(len(places))
+    fitted, whiten = search.among(at[:1])
     for start in range(0, len(places), CHUNK):
         some = places[start : start + CHUNK]
-        columns = np.zeros((*search.model.shape, len(some)), np.float32)
-        for axle in (0, 1):
-            columns[:, at[0]] += _bumps(search, axle, some, length)
-        scores = score_each(search.fitted, search.whiten(columns))
+        columns = sum(_bumps(search, axle, some, length) for axle in (0, 1))
+        scores = score_each(fitted, whiten(np.asarray(columns)[:, None, :]))
         gains[start : start + CHUNK] = scores.gain
         sizes[start : start + CHUNK] = scores.size
 
@@ -130,15 +129,16 @@ def _most(found: Sequence[Proposal]) -> Proposal:
 def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarray:
     """Return the acceleration of a step by bumps of 1 m under one roller, (n, k)."""
     frame = search.view.observation.frame
-    way = search.view.place_of(axle)
-    away = (way[:, None] - places[None, :] + 0.5 * length) % length - 0.5 * length
-    inside = np.abs(away) < 0.5 * LENGTH_M
+    way = search.view.place_of(axle) % length
     wave = 2.0 * pi / LENGTH_M
-    # h'' v^2, a quarter of it: one roller of four carries the middle of the step
-    bend = -0.5 * wave**2 * np.cos(wave * away) * np.where(inside, 1.0, 0.0)
-    raw = 0.25 * frame.speed_m_s**2 * bend
-    limited: np.ndarray = band_limited(raw, frame.rate_hz).astype(np.float32)
-    return limited
+    raw = np.zeros((len(way), len(places)), np.float32)
+    for k, place in enumerate(places):
+        away = (way - place + 0.5 * length) % length - 0.5 * length
+        inside = np.abs(away) < 0.5 * LENGTH_M
+        # h'' v^2, a quarter of it: one roller of four carries the middle of the step
+        bend = -0.5 * wave**2 * np.cos(wave * away[inside])
+        raw[inside, k] = 0.25 * frame.speed_m_s**2 * bend
+    return band_limited(raw, frame.rate_hz)
 
 
 def _rail_trial(search: Search, place: float, sign: float) -> list[Proposal]:

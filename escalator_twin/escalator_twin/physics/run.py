@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from escalator_twin.physics.compiled import compiled
+from escalator_twin.physics.compiled import compiled, inlined
 from escalator_twin.physics.contact import rack_speed
 from escalator_twin.physics.kernel import accelerations
 from escalator_twin.physics.mjcall import call_step
@@ -33,6 +33,23 @@ class Host(NamedTuple):
     data: int
 
 
+@inlined
+def middle_of(s: float, other: float, length_m: float) -> float:
+    """Return the place in the loop between two that are near each other, m."""
+    half = 0.5 * length_m
+    apart = other - s
+    if apart >= half:
+        apart -= length_m
+    elif apart < -half:
+        apart += length_m
+    middle = s + 0.5 * apart
+    if middle >= length_m:
+        middle -= length_m
+    elif middle < 0.0:
+        middle += length_m
+    return middle
+
+
 @compiled
 def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, side: int) -> float:
     """Return one recorded quantity at the present step, SI."""
@@ -48,9 +65,7 @@ def read_probe(p: Parameters, state: State, q: Floats, kind: int, index: int, si
     if kind == CARRIAGE:
         return q[0]
     if kind == PLACE:
-        s, other = state.s[0, index], state.s[m - 1, index]
-        half = 0.5 * p.length_m
-        return (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
+        return middle_of(state.s[0, index], state.s[m - 1, index], p.length_m)
     if kind == RACK:
         return state.rack[TRAVEL]
     if kind == FRAME:
@@ -88,12 +103,10 @@ def read_all(p: Parameters, state: State, q: Floats, row: Floats) -> None:
     m, n = state.s.shape
     stride = 1 + 2 * m
     share = 1.0 if m == 2 else 0.5
-    half = 0.5 * p.length_m
     row[1] = state.rack[TRAVEL]
     row[2] = q[0]
     for i in range(n):
-        s, other = state.s[0, i], state.s[m - 1, i]
-        row[3 + 5 * n + i] = (s + 0.5 * ((other - s + half) % p.length_m - half)) % p.length_m
+        row[3 + 5 * n + i] = middle_of(state.s[0, i], state.s[m - 1, i], p.length_m)
         k = i + 1 if i + 1 < n else 0
         a, b = base + i * stride, base + k * stride
         row[3 + i] = share * state.tension[0, i]

@@ -1,0 +1,63 @@
+"""Memory of large arrays is kept for the next ones: counted by the system, in processes of their own."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+from escalator_twin import memory, pipeline
+
+pytestmark = pytest.mark.issue(7)
+
+PAGE = 4096
+ARRAYS, BYTES = 40, 24 << 20
+CHILD = f"""
+import resource, sys
+import numpy as np
+from escalator_twin.memory import keep_freed
+print(int(keep_freed() if sys.argv[1] == 'kept' else False))
+def work():
+    for _ in range({ARRAYS}):
+        np.ones({BYTES}, np.uint8)
+work()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+work()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def faults(how: str) -> tuple[bool, int]:
+    """Return whether memory is kept, and how many new pages arrays took the second time."""
+    done = subprocess.run(
+        [sys.executable, '-c', CHILD, how], capture_output=True, text=True, check=True
+    )
+    is_kept, count = done.stdout.split()
+    return is_kept == '1', int(count)
+
+
+def test_arrays_take_the_pages_of_those_before():
+    is_kept, count = faults('kept')
+    if not is_kept:
+        pytest.skip('memory is kept with glibc alone, and this is another C library')
+    assert count < 0.05 * ARRAYS * BYTES / PAGE
+
+
+def test_on_another_library_nothing_is_changed(monkeypatch):
+    class Other:
+        """A C library without what is glibc's."""
+
+    monkeypatch.setattr(memory.ctypes, 'CDLL', lambda _: Other())
+    assert memory.keep_freed.__wrapped__() is False
+
+
+def test_a_diagnosis_keeps_it_before_anything_is_read(monkeypatch):
+    class KeptError(Exception):
+        pass
+
+    def keep():
+        raise KeptError
+
+    monkeypatch.setattr(pipeline, 'keep_freed', keep)
+    with pytest.raises(KeptError):
+        pipeline.diagnose([], Path('nowhere.yaml'))
