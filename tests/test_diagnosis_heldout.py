@@ -25,12 +25,21 @@ from passages import (
     stage_of,
 )
 import pytest
+from scipy.fft import dct
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.free import creep, freed
-from escalator_twin.diagnosis.heldout import Earlier, folds_of, hold_out, slow_of
+from escalator_twin.diagnosis.heldout import (
+    _precise,
+    Earlier,
+    folds_of,
+    hold_out,
+    sizes_within,
+    slow_of,
+)
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import scored
+from escalator_twin.diagnosis.whitening import Whitener
 
 pytestmark = pytest.mark.issue(7)
 
@@ -236,3 +245,27 @@ def test_beside_a_known_fault_of_a_gauge_an_effect_is_held_out_with_it(cause):
     found = hold_out(SimpleNamespace(machine=None), after, [effect()], 1, earlier=earlier)
     assert found.significant
     assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
+
+
+def test_what_is_fitted_to_a_part_of_the_samples_is_what_dense_double_precision_fits():
+    rng = np.random.default_rng(4)
+    n, waves = 1200, 900
+    time = np.arange(n) / 50.0
+    wave = np.sin(2.0 * np.pi * 1.3 * time)[:, None]
+    zero = np.full((n, 1), 1e6)  # a thousand times a signal of 1 kN
+    columns = np.stack([zero, 50.0 * wave], axis=2).astype(np.float32)
+    weight = np.full((waves, 1), 0.5, np.float32)
+    whiten = Whitener(np.ones((n, 1), np.float32), weight, 1.0)
+    keep = np.ones(n, bool)
+    keep[400:700] = False
+    residual = 3.0 + 20.0 * wave + rng.normal(size=(n, 1))
+
+    def white(signals):
+        return 0.5 * dct(signals.astype(np.float64) * keep[:, None], axis=0, norm='ortho')[:waves]
+
+    dense, right = white(columns[:, 0]), white(residual)[:, 0]
+    truth = np.linalg.solve(dense.T @ dense + np.eye(2), dense.T @ right)
+    precise = _precise(SimpleNamespace(whiten=whiten), keep)
+    everywhere = np.zeros(2, bool)
+    found = sizes_within(precise(residual[:, :, None])[:, 0], precise(columns), everywhere)
+    assert found == pytest.approx(truth, rel=1e-7)  # in single precision it is off by 7e-7

@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.scores import HeldOut, scored, Seen, undecided
 from escalator_twin.diagnosis.stage import LARGEST, Stage
+from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
 
@@ -173,7 +174,7 @@ def _seen(
             keep[max(start - guard, 0) : end + guard] = False
         if later:
             keep[blocks[0][0] - guard :] = False
-        whiten = replace(stage.whiten, mask=stage.whiten.mask * keep[:, None].astype(np.float32))
+        whiten = _precise(stage, keep)
         columns = whiten(stage.nuisance.columns)
         alone = sizes_within(whiten(before[:, :, None])[:, 0], columns, bounded)
         white, one = whiten(residual[:, :, None])[:, 0], whiten(change[:, :, None])
@@ -189,6 +190,15 @@ def _seen(
     return seen
 
 
+def _precise(stage: Stage, keep: np.ndarray) -> Whitener:
+    """Return the whitener of some of the samples, (n,) bool, in double precision.
+
+    Where columns of some 1e4 standard deviations are nearly alike, products in single precision are off by more
+    than the prior's one. That is next to nothing on samples that were fitted; on others it was 4 % of chi squared.
+    """
+    return replace(stage.whiten, mask=stage.whiten.mask * keep[:, None].astype(np.float64))
+
+
 def sizes_within(white: np.ndarray, columns: np.ndarray, bounded: np.ndarray) -> Floats:
     """Return sizes of the nuisance, those that are bounded no larger than a good instrument's, (q,).
 
@@ -198,7 +208,7 @@ def sizes_within(white: np.ndarray, columns: np.ndarray, bounded: np.ndarray) ->
     beyond = bounded & (np.abs(sizes) > LARGEST)
     if beyond.any():
         sizes[beyond] = np.clip(sizes[beyond], -LARGEST, LARGEST)
-        held = columns[:, beyond] @ sizes[beyond].astype(np.float32)
+        held = columns[:, beyond] @ sizes[beyond].astype(columns.dtype)
         sizes[~beyond] = fit(white - held, columns[:, ~beyond]).sizes
     return sizes
 
@@ -228,10 +238,10 @@ def _eased(
     What gauges creep by, and where the chain is to a millimetre, is no part of a claim, and what other
     blocks say of it does not reach into these: drawn out, it would drown what is compared.
     """
-    held = np.zeros(len(residual), np.float32)
+    held = np.zeros(len(residual), bool)
     for block in blocks:
-        held[slice(*block)] = 1.0
-    whiten = replace(stage.whiten, mask=stage.whiten.mask * held[:, None])
+        held[slice(*block)] = True
+    whiten = _precise(stage, held)
     columns = stage.nuisance.columns[:, :, slow]
     sizes = fit(whiten(residual[:, :, None])[:, 0], whiten(columns)).sizes
     eased: Floats = residual - np.tensordot(columns, sizes, 1)

@@ -22,7 +22,7 @@ class Whitener:
 
     Attributes
     ----------
-    mask : (n, c) float32
+    mask : (n, c) float32 or float64, which is how precise all else is
         0 where nothing was measured, less than 1 where the twin's own error is large.
     weight : (f, c) float32
         One over the standard deviation of a cosine coefficient.
@@ -37,8 +37,10 @@ class Whitener:
     def __call__(self, signals: np.ndarray) -> Columns:
         """Return (f c, k) of signals (n, c, k)."""
         shape = signals.shape
-        # a copy, which all that follows is done in: each one more is megabytes
-        masked = np.multiply(signals, self.mask[:, :, None], dtype=np.float32, casting='same_kind')
+        masked = signals.astype(
+            self.mask.dtype
+        )  # a copy, which all is done in: each one more is megabytes
+        masked *= self.mask[:, :, None]
         waves = fft.dct(masked, axis=0, norm='ortho', workers=2, overwrite_x=True)
         white: Columns = waves[: len(self.weight)]
         white *= self.weight[:, :, None]
