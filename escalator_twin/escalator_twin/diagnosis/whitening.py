@@ -37,9 +37,8 @@ class Whitener:
     def __call__(self, signals: np.ndarray) -> Columns:
         """Return (f c, k) of signals (n, c, k)."""
         shape = signals.shape
-        masked = signals.astype(
-            self.mask.dtype
-        )  # a copy, which all is done in: each one more is megabytes
+        # a copy, which all that follows is done in: each one more is megabytes
+        masked = signals.astype(self.mask.dtype)
         masked *= self.mask[:, :, None]
         waves = fft.dct(masked, axis=0, norm='ortho', workers=2, overwrite_x=True)
         white: Columns = waves[: len(self.weight)]
