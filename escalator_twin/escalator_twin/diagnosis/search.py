@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from math import pi
+from math import inf, pi
 
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal
@@ -37,6 +37,8 @@ class Search:
         More is left than in a good machine: searches that cost much are worth it.
     least : float
         Gain below which a proposal will not be simulated, by what is proposed already.
+    excess : float
+        Chi squared above a good machine's.
     """
 
     view: View
@@ -46,6 +48,7 @@ class Search:
     jobs: int = 1
     is_open: bool = True
     least: float = 0.0
+    excess: float = inf
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,38 +1,41 @@
-"""Steps of the guide at a rail joint: by the step's own acceleration, then by runs."""
+"""Steps of the guide at a rail joint: by the step's own acceleration and by all rollers, then by runs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import product
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 
 from escalator_twin.causes.guide_step import LENGTH_M
+from escalator_twin.diagnosis.bumps import Bump, Bumps
 from escalator_twin.diagnosis.loops import band_limited
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.refine import on_path
 from escalator_twin.diagnosis.regression import score_each
-from escalator_twin.diagnosis.search import Search, SIDES
-from escalator_twin.machine import Deviation
+from escalator_twin.diagnosis.search import Search, SIDES, WORTH
 from escalator_twin.signals import Floats
 
 RAIL_STEP_M = 0.02
 RAIL_WORTH = 2.5  # chi squared by the step's own acceleration from which a place is simulated
 RAIL_TRIES = 2
 RAIL_APART_M = 0.3  # of two places
-# What the step's own acceleration leaves open, in steps that a ringing chain allows: a third of its wave of 3 cm at
-# 14 Hz and 0.4 m/s. Three centimetres apart a bump of 4 cm at 23.99 m was fitted a pitch away, at 0.002 m.
-RAIL_SHIFTS_M = (0.0, -0.01, 0.01, -0.02, 0.02, -0.03, 0.03)
+RAIL_REACH_M = 0.035  # to either side: what the step's own acceleration leaves open
 RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
-# The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise.
-RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
-RAIL_NEAR_M = (0.0, -0.01, 0.01)  # of the best of these, in every shape
-RAIL_FINE_M = (-0.005, 0.005)  # of the best of those
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
-LOW_M = TRIAL_M / 3.0  # linear, of either sign
+LOW = Bump(TRIAL_M / 3.0, LENGTH_M, is_free=True)  # linear
+# The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise. Heights
+# stand for each other by `bumps.ALIKE`: up to twice the reference, and down to none by the low ones.
+RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
+RAIL_HEIGHTS_M = (1.0e-3, 1.5e-3, 2.1e-3, -1.0e-3, -1.5e-3)
+SHAPE_REACH_M = 0.02  # about the best place so far
+FINER_M = 0.005  # of length, about the best shape
+FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # times its height
 SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
-RAIL_M = 1.0  # no rail is laid in shorter pieces: at each end of one a good machine has a step of a tolerance
+ROUND_M = (
+    0.2  # between places that are run all round the loop, each read half of that to either side
+)
+ENOUGH = 0.8  # of what is open: what explains so much leaves nothing to seek all round the loop
 CHUNK = 128
 
 
@@ -57,19 +60,21 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
         gains[start : start + CHUNK] = scores.gain
         sizes[start : start + CHUNK] = scores.size
 
+    bumps = Bumps.beside(search, 0.5 * ROUND_M)
+
     def trial(start: float) -> list[Proposal]:
         size = sizes[round(start / RAIL_STEP_M) % len(places)]
-        return _rail_trial(search, start, -1.0 if size < 0.0 else 1.0)
+        return _trial(bumps, start, -1.0 if size < 0.0 else 1.0)
+
+    def tried(starts: Sequence[float]) -> list[list[Proposal]]:
+        found = [trial(s) for s in starts]
+        return _shaped(bumps, _followed(found, trial, observation.frame.pitch_m, length))
 
     starts = _starts(places, gains, length)
-    trials = _followed([trial(s) for s in starts], trial, observation.frame.pitch_m, length)
-    if not trials:
-        return
-    most = max(_most(found).gain for found in trials)
-    least = max(RAIL_OPEN, search.least / SHAPED, RAIL_CLOSE * most)
-    for found in trials:
-        if _most(found).gain >= least:
-            found += _rail_shapes(search, found)
+    trials = tried(starts)
+    explained = max((_most(found).gain for found in trials), default=0.0)
+    if search.is_open and max(explained, search.least / WORTH) < ENOUGH * search.excess:
+        trials += tried(_all_round(bumps, starts))
     trials.sort(key=lambda found: -_most(found).gain)
     for found in trials[:RAIL_TRIES]:
         for side in (*SIDES, 'both'):
@@ -141,74 +146,57 @@ def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarr
     return band_limited(raw, frame.rate_hz)
 
 
-def _rail_trial(search: Search, place: float, sign: float) -> list[Proposal]:
-    """Run bumps of one length at a place and beside it."""
-    return _all_bumped(search, place, RAIL_SHIFTS_M, (LENGTH_M,), (sign * TRIAL_M, LOW_M))
+def _all_round(bumps: Bumps, known: Sequence[float]) -> list[float]:
+    """Return the places, m, where low bumps explain most by all rollers that pass them; not those known.
+
+    A step passes a place once a loop, and slowly it shows little; every roller passes it once a pitch.
+    """
+    length = bumps.length_m
+    count = round(length / ROUND_M)
+    runs = [(k * length / count, LOW) for k in range(count)]
+    found = sorted(_run(bumps, runs, 0.5 * length / count), key=lambda p: -p.gain)
+    starts: list[float] = []
+    for proposal in found:
+        if len(starts) == RAIL_TRIES or proposal.gain < RAIL_OPEN:
+            break
+        if all(_apart(_place(proposal), s, length) >= RAIL_APART_M for s in (*starts, *known)):
+            starts.append(_place(proposal))
+    return starts
 
 
-def _rail_shapes(search: Search, known: Sequence[Proposal]) -> list[Proposal]:
-    """Run bumps of many shapes at a place where one explains something.
+def _trial(bumps: Bumps, place: float, sign: float) -> list[Proposal]:
+    """Run bumps of one length near a place: one as the step's acceleration has it, and a low one."""
+    high = Bump(sign * TRIAL_M, LENGTH_M, is_free=True)
+    return _run(bumps, [(place, high), (place, LOW)], RAIL_REACH_M)
+
+
+def _shaped(bumps: Bumps, trials: list[list[Proposal]]) -> list[list[Proposal]]:
+    """Return trials with bumps of more shapes where one explains enough."""
+    most = max((_most(found).gain for found in trials), default=0.0)
+    least = max(RAIL_OPEN, bumps.search.least / SHAPED, RAIL_CLOSE * most)
+    return [
+        [*found, *_shapes(bumps, found)] if _most(found).gain >= least else found
+        for found in trials
+    ]
+
+
+def _shapes(bumps: Bumps, known: Sequence[Proposal]) -> list[Proposal]:
+    """Run bumps of many shapes at a place where one explains something, then finer about the best.
 
     What a bump does is linear in its height only as long as the rollers stay on their track.
     """
-    shapes = RAIL_LENGTHS_M, (TRIAL_M, -TRIAL_M, LOW_M)
-    found = _all_bumped(search, _place(_most(known)), RAIL_NEAR_M, *shapes)
-    return found + _all_bumped(search, _place(_most(found)), RAIL_FINE_M, *shapes)
+    at = _place(_most(known))
+    shapes = [Bump(h, wide) for h in RAIL_HEIGHTS_M for wide in RAIL_LENGTHS_M]
+    shapes += [replace(LOW, length_m=wide) for wide in RAIL_LENGTHS_M]
+    found = _run(bumps, [(at, shape) for shape in shapes], SHAPE_REACH_M)
+    best = _most(found)
+    height, wide = best.parameters['height_m'], best.parameters['length_m']
+    finer = [Bump(k * height, wide + way) for k in FINER for way in (-FINER_M, 0.0, FINER_M)]
+    return found + _run(bumps, [(_place(best), shape) for shape in finer], SHAPE_REACH_M)
 
 
-def _all_bumped(
-    search: Search,
-    begin: float,
-    shifts: Sequence[float],
-    lengths: Sequence[float],
-    heights: Sequence[float],
-) -> list[Proposal]:
-    """Propose bumps of some shapes near a place, those at the place itself first."""
-    length = abs(search.view.responses.base.length_m)
-    path_m = search.stage.machine_length
-
-    def bumped(shape: tuple[float, float, float]) -> list[Proposal]:
-        shift, wide, height = shape
-        return _bumped(search, on_path((begin + shift) % length, path_m), height, wide)
-
-    with ThreadPoolExecutor(max(1, search.jobs)) as pool:
-        ran = pool.map(bumped, product(shifts, lengths, heights))
-        return [proposal for some in ran for proposal in some]
-
-
-def _bumped(search: Search, at: float, height: float, wide: float) -> list[Proposal]:
-    """Propose a bump of one shape at one place, on the left, on the right and on both sides."""
-    length = abs(search.view.responses.base.length_m)
-    count, joints = 3 * round(length / 0.25), 2 * round(length / RAIL_M)
-    location: dict[str, object] = {'s_m': at, 'side': 'left'}
-    deviation = Deviation('guide_step', {'height_m': height, 'length_m': wide}, location)
-    left = (search.stage.run((deviation,)) - search.model) / height
-    right = mirrored(search, left)
-    columns = np.stack([left, right, left + right], axis=2)
-    score = score_each(search.fitted, search.whiten(columns))
-    return [
-        Proposal(
-            'guide_step', {'s_m': at, 'side': side},
-            {'height_m': float(score.size[k]), 'length_m': wide}, float(score.gain[k]),
-            {'height_m': float(score.sd[k])}, count, ('height_m', '@s_m', 'length_m'), draws=joints,
-        )
-        for k, side in enumerate((*SIDES, 'both'))
-    ]  # fmt: skip
-
-
-def mirrored(search: Search, columns: Floats) -> Floats:
-    """Return a response on the channels of the other side, (n, c)."""
-    sensors = [
-        search.machine.instruments.sensor(channel) for channel in search.view.observation.channels
-    ]
-    other = np.array(columns)
-    for k, sensor in enumerate(sensors):
-        if sensor.at.get('axis') == 'y':
-            other[:, k] = -columns[:, k]
-        if 'side' not in sensor.at:
-            continue
-        twin = {**sensor.at, 'side': SIDES[1 - SIDES.index(str(sensor.at['side']))]}
-        for j, candidate in enumerate(sensors):
-            if candidate.quantity == sensor.quantity and candidate.at == twin:
-                other[:, k] = columns[:, j]
-    return other
+def _run(bumps: Bumps, runs: Sequence[tuple[float, Bump]], reach_m: float) -> list[Proposal]:
+    """Propose bumps of some shapes at or near some places."""
+    with ThreadPoolExecutor(max(1, bumps.search.jobs)) as pool:
+        found = pool.map(lambda run: bumps.at(run[0], run[1], reach_m), runs)
+        return [proposal for some in found for proposal in some]

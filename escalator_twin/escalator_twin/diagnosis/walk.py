@@ -35,6 +35,7 @@ from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
+    excess_of,
     explained_by,
     is_open,
 )
@@ -378,7 +379,8 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     )
     is_left = is_open(place, context.floor)
     stage = place.stage.lean(place.model)
-    search = Search(view, place.fitted, stage, place.model, jobs, is_left)
+    excess = sum(excess_of(place, context.floor, shaken) for shaken in (False, True))
+    search = Search(view, place.fitted, stage, place.model, jobs, is_left, excess=excess)
     return search_all(search, FAMILIES, COSTLY)
 
 

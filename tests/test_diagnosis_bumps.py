@@ -1,0 +1,131 @@
+"""A bump of the rail: what is run at one place stands for those beside it, and all round the loop."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from escalator_twin.diagnosis import search_rails
+from escalator_twin.diagnosis.bumps import Bump, Bumps, mirrored
+from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.search import Search
+from escalator_twin.diagnosis.whitening import Whitener
+
+pytestmark = pytest.mark.issue(6)
+
+LENGTH_M, SAMPLES, FRAME = 12.0, 900, Frame(0.4, 30, 40, 0.5)
+CHANNELS = ('force/left', 'force/right', 'step/y', 'step/z')
+BUMP = Bump(1.0e-3, 0.06, is_free=True)
+
+
+class Instruments:
+    """Two gauges and a step's accelerometer."""
+
+    def sensor(self, channel):
+        kind, which = channel.split('/')
+        at = {'side': which, 'link': 0} if kind == 'force' else {'step': 0, 'axis': which}
+        return SimpleNamespace(quantity=kind, at=at)
+
+
+def rung(place, height, direction):
+    """Return what rollers that pass a bump on the left ring with: a chirp for each pitch of travel."""
+    travel = FRAME.spacing_m * np.arange(SAMPLES)
+    since = (
+        (direction * travel - place) % FRAME.pitch_m * direction % FRAME.pitch_m / FRAME.pitch_m
+    )
+    wave = np.sin(2.0 * np.pi * 3.0 * since**2) * np.sin(np.pi * since) ** 2
+    # a gauge sees it ebb away from the bump; the other side half as much, y turned round
+    near = np.exp(-((((direction * travel - place + 6.0) % LENGTH_M) - 6.0) ** 2) / 8.0)
+    return height * wave[:, None] * near[:, None] * np.array([1.0, 0.5, -0.3, 0.2])
+
+
+def beside(measured, direction, excess=np.inf):
+    """Return a search that runs such bumps, beside what was measured."""
+    whiten = Whitener(
+        np.ones((SAMPLES, len(CHANNELS)), np.float32),
+        np.full((SAMPLES, len(CHANNELS)), 1e5, np.float32),
+        1.0,
+    )
+    machine = SimpleNamespace(instruments=Instruments())
+    observation = SimpleNamespace(frame=FRAME, channels=CHANNELS)
+    view = SimpleNamespace(
+        observation=observation,
+        direction=direction,
+        responses=SimpleNamespace(base=SimpleNamespace(length_m=LENGTH_M)),
+        place_of=lambda _: (direction * FRAME.spacing_m * np.arange(SAMPLES)) % LENGTH_M,
+    )
+    runs = []
+
+    def run(deviations):
+        (one,) = deviations
+        runs.append(one)
+        return rung(one.location['s_m'], one.parameters['height_m'], direction)
+
+    stage = SimpleNamespace(machine=machine, machine_length=LENGTH_M, whiten=whiten, run=run)
+    white = whiten(measured[:, :, None])[:, 0]
+    # a nuisance like no bump: it takes next to nothing
+    column = np.random.default_rng(1).normal(size=(len(white), 1)).astype(np.float32)
+    fitted = fit(white, column, np.zeros(1))
+    none = np.zeros_like(measured)
+    return Search(view, fitted, stage, none, jobs=1, is_open=True, excess=excess), runs
+
+
+@pytest.mark.parametrize('direction', [1, -1], ids=['up', 'down'])
+@pytest.mark.parametrize('side', ['left', 'right', 'both'])
+def test_a_run_beside_a_bump_tells_its_place_side_and_height(direction, side):
+    at, height = 5.137, 0.8e-3
+    search, _ = beside(np.zeros((SAMPLES, 4)), direction)
+    left = rung(at, height, direction)
+    right = mirrored(search, left)
+    measured = {'left': left, 'right': right, 'both': left + right}[side]
+    search, runs = beside(measured, direction)
+    found = Bumps.beside(search, 0.1).at(5.08, BUMP, 0.1)
+    assert [one.location['s_m'] for one in runs] == [5.08]
+    best = max(found, key=lambda p: p.gain)
+    assert best.location['side'] == side
+    assert best.location['s_m'] == pytest.approx(at, abs=2e-3)
+    assert best.parameters['height_m'] == pytest.approx(height, rel=0.03)
+    assert best.gain == pytest.approx(search.fitted.chi2, rel=0.05)
+
+
+def test_no_bump_is_run_or_told_beyond_the_path_of_a_machine_that_tolerances_make_shorter():
+    """Landings 0.9 mm shorter ended a diagnosis: a place 0.7 mm before the design's end was none."""
+    search, runs = beside(rung(LENGTH_M - 0.001, 1e-3, 1), 1)
+    bumps = Bumps.beside(search, 0.1)
+    told = [
+        one.location['s_m'] for at in (-0.001, LENGTH_M - 0.002) for one in bumps.at(at, BUMP, 0.1)
+    ]
+    places = [*told, *(one.location['s_m'] for one in runs)]
+    assert max(places) > LENGTH_M - 0.1
+    assert all(0.0 <= place <= LENGTH_M - 0.01 for place in places)
+
+
+def test_a_run_speaks_for_heights_near_its_own():
+    search, _ = beside(rung(5.1, 3.0e-3, 1), 1)
+    free, bound = (
+        Bumps.beside(search, 0.1).at(5.08, Bump(1.0e-3, 0.06, is_free=free), 0.1)[0]
+        for free in (True, False)
+    )
+    assert free.parameters['height_m'] == pytest.approx(3.0e-3, rel=0.03)
+    assert bound.parameters['height_m'] == pytest.approx(1.4e-3)
+    # what is left of a wave three times as high
+    assert bound.gain == pytest.approx((1.0 - (1.6 / 3.0) ** 2) * free.gain, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ('share', 'is_sought'), [(0.5, False), (2.0, True)], ids=['explained', 'open']
+)
+def test_what_the_step_does_not_show_is_sought_all_round_the_loop(monkeypatch, share, is_sought):
+    # the step's own acceleration points elsewhere
+    monkeypatch.setattr(search_rails, '_starts', lambda *_: [1.0])
+    at = 7.9
+    measured = rung(at, 0.5e-3, 1) + rung(1.0, 0.4e-3, 1)
+    search, runs = beside(measured, 1)
+    explained = max(p.gain for p in Bumps.beside(search, 0.1).at(1.0, BUMP, 0.1))
+    search, runs = beside(measured, 1, excess=share * explained / search_rails.ENOUGH)
+    found = list(search_rails.rail_steps(search))
+    places = {round(p.location['s_m'], 2) for p in found if p.location['side'] == 'left'}
+    assert (at in places) == is_sought
+    tried = {round(one.location['s_m'], 3) for one in runs}
+    assert (len(tried) >= round(LENGTH_M / search_rails.ROUND_M)) == is_sought
