@@ -129,3 +129,13 @@ def test_what_the_step_does_not_show_is_sought_all_round_the_loop(monkeypatch, s
     assert (at in places) == is_sought
     tried = {round(one.location['s_m'], 3) for one in runs}
     assert (len(tried) >= round(LENGTH_M / search_rails.ROUND_M)) == is_sought
+
+
+def test_without_a_steps_acceleration_a_bump_is_sought_by_the_rollers_alone(monkeypatch):
+    sound = Instruments.sensor
+    monkeypatch.setattr(
+        Instruments, 'sensor', lambda self, name: sound(self, name.replace('/z', '/x'))
+    )
+    search, _ = beside(rung(7.9, 0.5e-3, 1), 1)
+    best = max(search_rails.rail_steps(search), key=lambda p: p.gain)
+    assert best.location == {'s_m': pytest.approx(7.9, abs=2e-3), 'side': 'left'}

@@ -41,26 +41,11 @@ CHUNK = 128
 
 def rail_steps(search: Search) -> Iterator[Proposal]:
     """Propose steps of the rail: first by the step's own acceleration, then by a run."""
-    observation, view = search.view.observation, search.view
-    at = [
-        k
-        for k, channel in enumerate(observation.channels)
-        if search.machine.instruments.sensor(channel).at.get('axis') == 'z'
-    ]
-    if not at:
-        return
-    length = abs(view.responses.base.length_m)
+    length = abs(search.view.responses.base.length_m)
     places = np.arange(0.0, length, RAIL_STEP_M)
-    sizes, gains = np.zeros(len(places)), np.zeros(len(places))
-    fitted, whiten = search.among(at[:1])
-    for start in range(0, len(places), CHUNK):
-        some = places[start : start + CHUNK]
-        columns = sum(_bumps(search, axle, some, length) for axle in (0, 1))
-        scores = score_each(fitted, whiten(np.asarray(columns)[:, None, :]))
-        gains[start : start + CHUNK] = scores.gain
-        sizes[start : start + CHUNK] = scores.size
-
+    sizes, gains = _by_step(search, places, length)
     bumps = Bumps.beside(search, 0.5 * ROUND_M)
+    pitch = search.view.observation.frame.pitch_m
 
     def trial(start: float) -> list[Proposal]:
         size = sizes[round(start / RAIL_STEP_M) % len(places)]
@@ -68,7 +53,7 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
 
     def tried(starts: Sequence[float]) -> list[list[Proposal]]:
         found = [trial(s) for s in starts]
-        return _shaped(bumps, _followed(found, trial, observation.frame.pitch_m, length))
+        return _shaped(bumps, _followed(found, trial, pitch, length))
 
     starts = _starts(places, gains, length)
     trials = tried(starts)
@@ -79,6 +64,29 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
     for found in trials[:RAIL_TRIES]:
         for side in (*SIDES, 'both'):
             yield _most([p for p in found if p.location['side'] == side])
+
+
+def _by_step(search: Search, places: Floats, length: float) -> tuple[Floats, Floats]:
+    """Return what bumps at some places explain of a step's own acceleration, (k,) each.
+
+    Their heights, m, and the chi squared; nothing where no step's is measured.
+    """
+    sizes, gains = np.zeros(len(places)), np.zeros(len(places))
+    at = [
+        k
+        for k, channel in enumerate(search.view.observation.channels)
+        if search.machine.instruments.sensor(channel).at.get('axis') == 'z'
+    ]
+    if not at:
+        return sizes, gains
+    fitted, whiten = search.among(at[:1])
+    for start in range(0, len(places), CHUNK):
+        some = places[start : start + CHUNK]
+        columns = sum(_bumps(search, axle, some, length) for axle in (0, 1))
+        scores = score_each(fitted, whiten(np.asarray(columns)[:, None, :]))
+        gains[start : start + CHUNK] = scores.gain
+        sizes[start : start + CHUNK] = scores.size
+    return sizes, gains
 
 
 def _starts(places: Floats, gains: Floats, length: float) -> list[float]:
