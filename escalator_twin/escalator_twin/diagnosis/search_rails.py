@@ -19,7 +19,7 @@ RAIL_STEP_M = 0.02
 RAIL_WORTH = 2.5  # chi squared by the step's own acceleration from which a place is simulated
 RAIL_TRIES = 2
 RAIL_APART_M = 0.3  # of two places
-RAIL_REACH_M = 0.035  # to either side: what the step's own acceleration leaves open
+RAIL_REACH_M = 0.035  # to either side: what the step's own acceleration leaves open, and a bump of another shape
 RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
@@ -28,7 +28,6 @@ LOW = Bump(TRIAL_M / 3.0, LENGTH_M, is_free=True)  # linear
 # stand for each other by `bumps.ALIKE`: up to twice the reference, and down to none by the low ones.
 RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
 RAIL_HEIGHTS_M = (1.0e-3, 1.5e-3, 2.1e-3, -1.0e-3, -1.5e-3)
-SHAPE_REACH_M = 0.02  # about the best place so far
 FINER_M = 0.005  # of length, about the best shape
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # times its height
 SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
@@ -196,11 +195,11 @@ def _shapes(bumps: Bumps, known: Sequence[Proposal]) -> list[Proposal]:
     at = _place(_most(known))
     shapes = [Bump(h, wide) for h in RAIL_HEIGHTS_M for wide in RAIL_LENGTHS_M]
     shapes += [replace(LOW, length_m=wide) for wide in RAIL_LENGTHS_M]
-    found = _run(bumps, [(at, shape) for shape in shapes], SHAPE_REACH_M)
+    found = _run(bumps, [(at, shape) for shape in shapes], RAIL_REACH_M)
     best = _most(found)
     height, wide = best.parameters['height_m'], best.parameters['length_m']
     finer = [Bump(k * height, wide + way) for k in FINER for way in (-FINER_M, 0.0, FINER_M)]
-    return found + _run(bumps, [(_place(best), shape) for shape in finer], SHAPE_REACH_M)
+    return found + _run(bumps, [(_place(best), shape) for shape in finer], RAIL_REACH_M)
 
 
 def _run(bumps: Bumps, runs: Sequence[tuple[float, Bump]], reach_m: float) -> list[Proposal]:
