@@ -139,3 +139,12 @@ def test_without_a_steps_acceleration_a_bump_is_sought_by_the_rollers_alone(monk
     search, _ = beside(rung(7.9, 0.5e-3, 1), 1)
     best = max(search_rails.rail_steps(search), key=lambda p: p.gain)
     assert best.location == {'s_m': pytest.approx(7.9, abs=2e-3), 'side': 'left'}
+
+
+def test_all_round_looks_where_no_run_has_been_read_however_near():
+    # a run is read 3.5 cm to either side
+    search, _ = beside(rung(7.9, 0.5e-3, 1), 1)
+    bumps = Bumps.beside(search, 0.1)
+    for known, is_new in ((7.75, True), (7.88, False)):
+        first = search_rails._all_round(bumps, [known])[0]
+        assert (abs(first - 7.9) < 0.02) == is_new

@@ -31,9 +31,7 @@ RAIL_HEIGHTS_M = (1.0e-3, 1.5e-3, 2.1e-3, -1.0e-3, -1.5e-3)
 FINER_M = 0.005  # of length, about the best shape
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # times its height
 SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
-ROUND_M = (
-    0.2  # between places that are run all round the loop, each read half of that to either side
-)
+ROUND_M = 0.2  # between places all round the loop, each read half of that to either side
 ENOUGH = 0.8  # of what is open: what explains so much leaves nothing to seek all round the loop
 CHUNK = 128
 
@@ -154,8 +152,9 @@ def _bumps(search: Search, axle: int, places: Floats, length: float) -> np.ndarr
 
 
 def _all_round(bumps: Bumps, known: Sequence[float]) -> list[float]:
-    """Return the places, m, where low bumps explain most by all rollers that pass them; not those known.
+    """Return the places, m, where low bumps explain most by all rollers that pass them.
 
+    Not those next to places that are known: they are run already.
     A step passes a place once a loop, and slowly it shows little; every roller passes it once a pitch.
     """
     length = bumps.length_m
@@ -166,8 +165,10 @@ def _all_round(bumps: Bumps, known: Sequence[float]) -> list[float]:
     for proposal in found:
         if len(starts) == RAIL_TRIES or proposal.gain < RAIL_OPEN:
             break
-        if all(_apart(_place(proposal), s, length) >= RAIL_APART_M for s in (*starts, *known)):
-            starts.append(_place(proposal))
+        at = _place(proposal)
+        is_new = all(_apart(at, s, length) >= RAIL_REACH_M for s in known)
+        if is_new and all(_apart(at, s, length) >= RAIL_APART_M for s in starts):
+            starts.append(at)
     return starts
 
 
