@@ -91,7 +91,7 @@ def test_a_run_beside_a_bump_tells_its_place_side_and_height(direction, side):
 
 def test_no_bump_is_run_or_told_beyond_the_path_of_a_machine_that_tolerances_make_shorter():
     """Landings 0.9 mm shorter ended a diagnosis: a place 0.7 mm before the design's end was none."""
-    search, runs = beside(rung(LENGTH_M - 0.001, 1e-3, 1), 1)
+    search, runs = beside(rung(LENGTH_M - 0.003, 1e-3, 1), 1)
     bumps = Bumps.beside(search, 0.1)
     told = [
         one.location['s_m'] for at in (-0.001, LENGTH_M - 0.002) for one in bumps.at(at, BUMP, 0.1)
