@@ -2,9 +2,14 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.special import expit
+from scipy.stats import norm
 
 from escalator_twin.diagnosis import sides
+from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -38,3 +43,87 @@ def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, alone, tri
     found = sides.other_sides(None, (), refined, [Tried(left, 4e4, {}, fit)], 1, lambda _: alone)
     assert done == tried
     assert [t.proposal.location['axle'] for t in found] == [38] * len(tried)
+
+
+FRAME = Frame(0.4, 20, 8, 0.5)
+PITCHES = 30  # a loop and a half
+
+
+def a_rails_step(side: str, gain: float, left: dict[int, float], s_m: float = 2.88) -> Tried:
+    """Return one that leaves so much of chi squared at some pitches of travel, and nothing elsewhere."""
+    step = Proposal('guide_step', {'s_m': s_m, 'side': side}, {'height_m': 1e-3}, 0.0)
+    index = np.arange(PITCHES * FRAME.per_pitch)
+    observation = SimpleNamespace(frame=FRAME, index=index)
+    white = np.zeros((len(index), 2))
+    for pitch, chi2 in left.items():
+        white[pitch * FRAME.per_pitch + 3] = (0.6 * chi2) ** 0.5, (0.4 * chi2) ** 0.5
+    place = SimpleNamespace(stage=SimpleNamespace(observation=observation), white=white)
+    return Tried(step, gain, {}, Polished(None, place, (step,), ({},)))
+
+
+@pytest.fixture
+def along(monkeypatch):
+    monkeypatch.setattr(sides, 'in_time', lambda place: place.white)
+
+
+def place_of(tried: Tried) -> SimpleNamespace:
+    return tried.polished.place
+
+
+@pytest.mark.usefixtures('along')
+@pytest.mark.parametrize(
+    ('left', 'chance'),
+    [
+        ({5: 90.0}, 90.0),  # the whole difference is one blow: it might be none
+        # both axles of a step, a pitch apart: blocks of two pitches hold one, both, one
+        ({5: 90.0, 6: 90.0}, 3.0**0.5 * 90.0),
+        ({5: 90.0, 9: 90.0}, 2.0**0.5 * 90.0),
+        ({3: 90.0, 23: 90.0}, 180.0),  # the same place, a loop later
+    ],
+)
+def test_a_difference_is_known_by_as_many_passages_as_it_came_about_in(left, chance):
+    one, other = a_rails_step('both', 0.0, {}), a_rails_step('right', 0.0, left)
+    assert sides.chance_of(place_of(other), place_of(one)) == pytest.approx(chance)
+    assert sides.chance_of(place_of(one), place_of(other)) == pytest.approx(chance)
+
+
+@pytest.mark.usefixtures('along')
+def test_two_alignments_are_compared_where_both_have_been():
+    one, other = a_rails_step('both', 0.0, {9: 50.0}), a_rails_step('right', 0.0, {9: 170.0})
+    observation = place_of(other).stage.observation
+    later = SimpleNamespace(frame=FRAME, index=observation.index[5:])
+    moved = SimpleNamespace(
+        stage=SimpleNamespace(observation=later), white=place_of(other).white[5:]
+    )
+    assert sides.chance_of(moved, place_of(one)) == pytest.approx(120.0)
+
+
+@pytest.mark.usefixtures('along')
+@pytest.mark.parametrize('blow', [4.0, 40.0, 400.0])
+def test_sides_are_as_likely_as_the_logistic_over_a_normal(blow):
+    """Half of chi squared is nats; the integral is a numerical one, which the approximation meets to 0.02."""
+    tried = [a_rails_step('both', 700.0, {}), a_rails_step('right', 700.0 - blow, {5: blow})]
+    both, right = sides.weighed_by_passages(tried)
+    assert both is tried[0]
+    wanted, _ = quad(
+        lambda x: expit(0.5 * x) * norm.pdf(x, blow, blow), -8.0 * blow, 10.0 * blow, limit=400
+    )
+    assert expit(0.5 * (both.gain - right.gain)) == pytest.approx(wanted, abs=0.02)
+
+
+@pytest.mark.usefixtures('along')
+def test_what_many_passages_tell_is_believed():
+    blows = dict.fromkeys(range(0, 20, 2), 400.0)
+    tried = [a_rails_step('both', 7000.0, {}), a_rails_step('right', 3000.0, blows)]
+    both, right = sides.weighed_by_passages(tried)
+    assert both.gain - right.gain > 9.0
+
+
+@pytest.mark.usefixtures('along')
+@pytest.mark.parametrize(
+    'other',
+    [a_rails_step('right', 300.0, {5: 400.0}, s_m=9.0), a_rails_step('both', 300.0, {5: 400.0})],
+)
+def test_another_place_is_no_other_side(other):
+    tried = [a_rails_step('both', 700.0, {}), other]
+    assert sides.weighed_by_passages(tried) == tried

@@ -2,13 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import pi
+
+import numpy as np
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.fitting import fitted_beside
+from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.search import SIDES
+from escalator_twin.diagnosis.split import in_time
 from escalator_twin.diagnosis.tried import Tried
 
 # Whose sides look alike but for the axle's racking. A side that explains less, run once, than this share of
@@ -46,9 +51,7 @@ def other_sides(
     others = {
         str(r.proposal.location['side']): r
         for r in reversed(refined)
-        if r.proposal.cause == best.proposal.cause
-        and r.proposal.location['side'] != side
-        and is_beside(r.proposal, best.proposal)
+        if is_other_side(r.proposal, best.proposal)
     }
     if side in SIDES and best.proposal.cause != 'guide_step':
         other = SIDES[1 - SIDES.index(str(side))]
@@ -69,6 +72,55 @@ def other_sides(
         }
     found = [fitted_beside(context, place, known, r, turned, jobs) for r in others.values()]
     return [t for t in found if t.polished is not None]
+
+
+def weighed_by_passages(tried: Sequence[Tried]) -> list[Tried]:
+    """Return what was tried, sides of the best weighed by what chance leaves of their difference.
+
+    The logarithm of the odds is that of the probability that a normal difference leaves: the usual approximation of
+    a logistic function's integral over a normal density (MacKay 1992, The evidence framework applied to
+    classification networks, Neural Computation 4).
+    """
+    best = max(tried, key=lambda t: t.gain, default=None)
+    if best is None or best.polished is None or best.proposal.cause not in SHAKING & set(SIDED):
+        return list(tried)
+    leading = best.polished.place
+
+    def fair(one: Tried) -> Tried:
+        if one.polished is None or not is_other_side(one.proposal, best.proposal):
+            return one
+        nats = 0.5 * chance_of(one.polished.place, leading)
+        behind = (best.gain - one.gain) / (1.0 + pi / 8.0 * nats**2) ** 0.5
+        return replace(one, gain=best.gain - behind)
+
+    return [fair(one) for one in tried]
+
+
+def chance_of(one: Beside, other: Beside) -> float:
+    """Return the standard deviation of a difference of chi squared, by where along travel it came about.
+
+    As of two models of which neither is quite true (Vuong 1989, Likelihood ratio tests for model selection and
+    non-nested hypotheses, Econometrica 57), from sums over blocks that overlap (Kuensch 1989, The jackknife and the
+    bootstrap for general stationary observations, Annals of Statistics 17). A step passes a place with both axles, a
+    pitch apart, and once a loop: what the twin's law is off by there repeats. Blocks are two pitches long, and loops
+    are added up. Rollers that rattle make some such passages all of a difference.
+    """
+    here, there = one.stage.observation, other.stage.observation
+    frame = here.frame
+    common, *rows = np.intersect1d(here.index, there.index, return_indices=True)
+    left = [np.sum(in_time(p)[at] ** 2, axis=1) for p, at in zip((one, other), rows, strict=True)]
+    differs = np.bincount(common % frame.n_loop, left[0] - left[1], frame.n_loop)
+    block = 2 * frame.per_pitch
+    summed = np.cumsum(np.concatenate([[0.0], differs, differs[:block]]))
+    blocks = summed[block:] - summed[:-block]
+    return float(np.sum(blocks[:-1] ** 2) / block) ** 0.5
+
+
+def is_other_side(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two proposals are of one cause at one place on different sides."""
+    if one.cause != other.cause or one.location.get('side') == other.location.get('side'):
+        return False
+    return is_beside(one, other)
 
 
 def is_beside(one: Proposal, other: Proposal) -> bool:

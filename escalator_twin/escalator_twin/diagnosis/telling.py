@@ -1,6 +1,6 @@
 """What was found, as contracts.md tells it, with what speaks for and against it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.further import decide_between, Further
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.verdict import (
     ALIKE,
@@ -65,12 +65,12 @@ def would_change(
         names = alternatives(found)
         if probability >= SURE and not names:
             continue
-        rival = next((r.proposal for r in found.rivals if r.proposal.cause in names), None)
+        rival = _rival(found, names)
         further = decide(context, found.proposal, rival)
         if further is not None:
-            other = rival.cause if rival is not None else 'no effect'
+            one, other = _either(found.proposal, rival)
             lines.append(
-                f'{found.proposal.cause} or {other}: one loop at {further.text} would tell them '
+                f'{one} or {other}: one loop at {further.text} would tell them '
                 f'apart by {further.nats:.0f} nats at most'
             )
     if not named and walked.weighed and walked.weighed[0].probability > DOUBTFUL:
@@ -82,6 +82,27 @@ def would_change(
                 f'{further.text} would decide by {further.nats:.0f} nats at most'
             )
     return lines
+
+
+def _rival(found: Found, names: Sequence[str]) -> Proposal | None:
+    """Return what else an effect may be: another cause, else the same one elsewhere; None where it is likely neither."""
+    own = found.proposal
+    others = [r for r in found.rivals if not same_place(r.proposal, own)]
+    other = next((r.proposal for r in others if r.proposal.cause in names), None)
+    if other is not None:
+        return other
+    likely = (r.proposal for r in others if r.probability >= DOUBTFUL)
+    return next((p for p in likely if p.cause == own.cause), None)
+
+
+def _either(own: Proposal, rival: Proposal | None) -> tuple[str, str]:
+    """Return what two explanations are called: by place where both are of one cause."""
+    if rival is None:
+        return own.cause, 'no effect'
+    if rival.cause != own.cause:
+        return own.cause, rival.cause
+    places = [', '.join(f'{k} {v}' for k, v in _place(p).items()) for p in (own, rival)]
+    return f'{own.cause} at {places[0]}', f'at {places[1]}'
 
 
 def told(found: Found, probability: float) -> dict[str, Any]:

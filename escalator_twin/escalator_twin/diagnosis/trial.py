@@ -28,7 +28,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
-from escalator_twin.diagnosis.sides import other_sides
+from escalator_twin.diagnosis.sides import other_sides, weighed_by_passages
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
@@ -115,7 +115,8 @@ def try_all(
             unseen = [p for p in moving if CLOSE * p.gain > best]
             fitted_again += [_fitted_here(context, place, known, p, jobs, worth) for p in unseen]
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
-    tried = shared(place, locked(context, place, fitted_again + rest, jobs))
+    weighed = weighed_by_passages(fitted_again)
+    tried = shared(place, locked(context, place, weighed + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
     tried = _locked_better(known, tried, jobs)
     for farther in (from_far, from_other_frequencies):
