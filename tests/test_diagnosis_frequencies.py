@@ -79,6 +79,20 @@ def test_a_frame_in_the_shallower_hollow_is_led_to_the_deeper_one(monkeypatch):
     assert sum(is_free for _, is_free in asked) == 1
 
 
+def test_a_deeper_hollow_on_the_way_to_the_farthest_is_not_passed_by(monkeypatch):
+    """Beyond the hollow at 7.35 Hz there is a plain, as high as where the walk begins."""
+
+    def law(hz):
+        return 1000.0 - max(0.0, 500.0 - 4e6 * (hz / 7.35 - 1.0) ** 2) + 900.0 * (hz < 6.9)
+
+    found, asked = walked_from(monkeypatch, tried_at(7.0), law)
+    assert found.proposal.parameters['frequency_hz'] == pytest.approx(7.35, rel=2e-3)
+    assert found.gain == pytest.approx(OPEN - 500.0, abs=5.0)
+    assert max(hz for hz, _ in asked) > 8.0
+    # freely from there, and from the farthest to either side
+    assert sum(is_free for _, is_free in asked) <= 3
+
+
 def test_a_frame_in_the_deeper_one_stays_and_its_reach_holds_the_other(monkeypatch):
     own = tried_at(7.15)
     found, _ = walked_from(monkeypatch, own, lambda hz: two_hollows(hz) - 60.0 * (hz > 7.3))

@@ -88,6 +88,18 @@ def frequencies_about(
     return below, above
 
 
+def _starts(side: Sequence[Point], level: float) -> list[Point]:
+    """Return from where on one side a frame is fitted freely: the farthest that may do, and the best.
+
+    A fit from near the own frequency leads back there.
+    """
+    able = [point for point in side if point.chi2 <= level + WORTH]
+    if not able:
+        return []
+    best = min(able, key=lambda point: point.chi2)
+    return [able[-1]] if best is able[-1] or best.chi2 >= level else [able[-1], best]
+
+
 def _fitted(
     there: Polished,
     effects: Sequence[Proposal],
@@ -143,8 +155,7 @@ def from_other_frequencies(
         return tried
     sides = frequencies_about(polished, known, jobs)
     level = level_of(polished.place)
-    # a fit from near the own frequency leads back there
-    farthest = [[p for p in side if p.chi2 <= level + WORTH][-1:] for side in sides]
+    starts = [point for side in sides for point in _starts(side, level)]
 
     def freely(point: Point) -> Tried:
         effects = point.polished.effects
@@ -162,7 +173,7 @@ def from_other_frequencies(
         )
 
     with ThreadPoolExecutor(min(2, max(1, jobs))) as pool:
-        others = list(pool.map(freely, [point for side in farthest for point in side]))
+        others = list(pool.map(freely, starts))
     best = max([tried, *others], key=lambda t: t.gain)
     lowest = level_of(place) - best.gain
     points = [(p.frequency_hz, p.chi2) for side in sides for p in side]
