@@ -38,10 +38,10 @@ CHUNK = 128
 
 def rail_steps(search: Search) -> Iterator[Proposal]:
     """Propose steps of the rail: first by the step's own acceleration, then by a run."""
-    length = abs(search.view.responses.base.length_m)
+    bumps = Bumps.beside(search, 0.5 * ROUND_M)
+    length = bumps.length_m
     places = np.arange(0.0, length, RAIL_STEP_M)
     sizes, gains = _by_step(search, places, length)
-    bumps = Bumps.beside(search, 0.5 * ROUND_M)
     pitch = search.view.observation.frame.pitch_m
 
     def trial(start: float) -> list[Proposal]:
@@ -88,13 +88,19 @@ def _by_step(search: Search, places: Floats, length: float) -> tuple[Floats, Flo
 
 def _starts(places: Floats, gains: Floats, length: float) -> list[float]:
     """Return the places that are run, by what the step's own acceleration says, m."""
-    starts: list[float] = []
-    for k in np.argsort(-gains):
-        if len(starts) == RAIL_TRIES or gains[k] < RAIL_WORTH:
+    worth = [k for k in np.argsort(-gains) if gains[k] >= RAIL_WORTH]
+    return _first_apart([float(places[k]) for k in worth], length)
+
+
+def _first_apart(places: Sequence[float], length: float) -> list[float]:
+    """Return the first of some places that are apart from those before, m."""
+    chosen: list[float] = []
+    for place in places:
+        if len(chosen) == RAIL_TRIES:
             break
-        if all(_apart(float(places[k]), s, length) >= RAIL_APART_M for s in starts):
-            starts.append(float(places[k]))
-    return starts
+        if all(_apart(place, s, length) >= RAIL_APART_M for s in chosen):
+            chosen.append(place)
+    return chosen
 
 
 def _followed(
@@ -161,15 +167,9 @@ def _all_round(bumps: Bumps, known: Sequence[float]) -> list[float]:
     count = round(length / ROUND_M)
     runs = [(k * length / count, LOW) for k in range(count)]
     found = sorted(_run(bumps, runs, 0.5 * length / count), key=lambda p: -p.gain)
-    starts: list[float] = []
-    for proposal in found:
-        if len(starts) == RAIL_TRIES or proposal.gain < RAIL_OPEN:
-            break
-        at = _place(proposal)
-        is_new = all(_apart(at, s, length) >= RAIL_REACH_M for s in known)
-        if is_new and all(_apart(at, s, length) >= RAIL_APART_M for s in starts):
-            starts.append(at)
-    return starts
+    worth = [_place(p) for p in found if p.gain >= RAIL_OPEN]
+    new = [at for at in worth if all(_apart(at, s, length) >= RAIL_REACH_M for s in known)]
+    return _first_apart(new, length)
 
 
 def _trial(bumps: Bumps, place: float, sign: float) -> list[Proposal]:
