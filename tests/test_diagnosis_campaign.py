@@ -21,6 +21,7 @@ from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
+from escalator_twin.diagnosis.verdict import Weighed
 from escalator_twin.signals import Experiment
 
 pytestmark = pytest.mark.issue(7)
@@ -107,6 +108,53 @@ def test_union_holds_every_named_effect_once_and_leaves_doubts_out():
     ])  # fmt: skip
     assert [[f.proposal.location['axle'] for f, _ in g] for g in groups] == [[44, 44], [9]]
     assert groups[0][0][1] == 0.95
+
+
+def seen(side, beliefs, height=1e-3):
+    """Return a rail's step as found on one side, by one who believes so much in each."""
+    at = {name: replace(step(3.0), location={'s_m': 3.0, 'side': name}) for name in beliefs}
+    rivals = tuple(Weighed(at[name], 9.0, 9.0, belief) for name, belief in beliefs.items())
+    own = replace(at[side], parameters={'height_m': height, 'length_m': 0.06})
+    return Found(own, beliefs[side], {'height_m': 1e-5}, 500.0, rivals)
+
+
+@pytest.mark.parametrize(
+    ('scouts', 'side'),
+    [
+        # two doubt it, one is sure: 0.7 * 0.7 * 0.01 for both, 0.2 * 0.2 * 0.9 for the right
+        ([('both', 0.7, 0.2), ('both', 0.7, 0.2), ('right', 0.0, 0.9)], 'right'),
+        ([('both', 0.9, 0.05), ('both', 0.9, 0.05), ('right', 0.3, 0.6)], 'both'),
+        ([('both', 0.6, 0.35), ('right', 0.1, 0.9)], 'right'),
+    ],
+)
+def test_of_one_step_on_different_sides_is_named_what_all_believe_in_most(scouts, side):
+    drags = (found(drag()), 0.9)
+    rows = [
+        scout(drags, (seen(own, {'both': both, 'right': right}), 0.8))
+        for own, both, right in scouts
+    ]
+    groups = union_of(rows)
+    assert [g[0][0].proposal.cause for g in groups] == ['roller_drag', 'guide_step']
+    assert {f.proposal.location['side'] for f, _ in groups[1]} == {side}
+    assert len(groups[1]) == sum(own == side for own, _, _ in scouts)
+
+
+def test_a_side_that_a_scout_did_not_weigh_is_not_ruled_out():
+    rows = [
+        scout((seen('right', {'right': 0.9}), 0.9)),
+        scout((seen('both', {'both': 0.95}), 0.95)),
+    ]
+    ((one, _),) = union_of(rows)[0]
+    assert one.proposal.location['side'] == 'both'
+
+
+def test_sides_that_one_scout_names_together_are_two_effects():
+    left, right = drag(), replace(drag(), location={'axle': 44, 'side': 'right'})
+    both = scout((found(left), 0.9), (found(right), 0.9))
+    assert len(union_of([both, scout((found(left), 0.9))])) == 2
+    assert len(union_of([scout((found(left), 0.9)), scout((found(right), 0.8))])) == 1
+    far = replace(drag(axle=9), location={'axle': 9, 'side': 'right'})
+    assert len(union_of([scout((found(left), 0.9)), scout((found(far), 0.8))])) == 2
 
 
 def test_what_other_recordings_confirm_is_surer_and_its_size_is_everybodys():

@@ -119,7 +119,11 @@ class Bumps:
         near = min(max(self.sought, place - reach_m), place + reach_m)
         numbers = {'height_m': bump.height_m, 'length_m': bump.length_m}
         gain = self.gain(near - self.sought, bump.height_m, bump.length_m)
-        return [Proposal('guide_step', {'s_m': near}, numbers, gain)]
+        gains = {'left': gain, 'right': 0.7 * gain, 'both': 0.0}
+        return [
+            Proposal('guide_step', {'s_m': near, 'side': side}, numbers, explained)
+            for side, explained in gains.items()
+        ]
 
 
 @pytest.mark.issue(6)
@@ -135,7 +139,7 @@ def test_bumps_of_either_sign_and_any_length_are_run(at, height, wide):
         )
 
     known = [
-        Proposal('guide_step', {'s_m': place}, {'height_m': 1e-3}, gain)
+        Proposal('guide_step', {'s_m': place, 'side': 'left'}, {'height_m': 1e-3}, gain)
         for place, gain in ((5.9, 40.0), (6.0, 60.0))
     ]
     found = search_rails._shapes(Bumps(at, gain), known)

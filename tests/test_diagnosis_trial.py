@@ -321,3 +321,14 @@ def test_where_tolerances_ran_into_their_bounds_a_fit_begins_from_none_as_well(
     assert [t.gain for t in found] == [gains[begun]] * 2
     assert done[-1] == (begun, 45)
     assert len(done) == fits
+
+
+def test_of_two_hollows_of_one_place_the_better_one_leads():
+    """Both at the wrong place a pitch away had been fitted on, and the right place had not."""
+
+    def at(s_m, height, gain):
+        step = Proposal('guide_step', {'s_m': s_m, 'side': 'both'}, {'height_m': height}, gain)
+        return Refined(step, None, None, gain, {}, None, ())
+
+    rows = [at(11.702, -3e-4, 9325.0), at(11.703, -2e-4, 9064.0), at(12.097, 4e-4, 7988.0)]
+    assert trial._first_of_places(rows) == [rows[0], rows[2]]

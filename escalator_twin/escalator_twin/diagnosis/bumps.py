@@ -29,11 +29,13 @@ ALIKE = (0.7, 1.4)
 class Bump:
     """What is run: a bump of some height and length, both m.
 
-    ``is_free`` takes what it does in proportion for all heights, of either sign.
+    ``is_low`` takes what it does in proportion for all lower heights, of either sign; ``is_free`` for all heights, which
+    finds places where it hardly says how high a bump is.
     """
 
     height_m: float
     length_m: float
+    is_low: bool = False
     is_free: bool = False
 
     def within(self, height: np.ndarray) -> np.ndarray:
@@ -41,6 +43,8 @@ class Bump:
         if self.is_free:
             return height
         low, high = sorted(share * self.height_m for share in ALIKE)
+        if self.is_low:
+            low, high = (way * max(abs(low), abs(high)) for way in (-1.0, 1.0))
         return np.clip(height, low, high)
 
 

@@ -19,7 +19,7 @@ from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
-from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.proposals import is_other_side, Proposal, same_place
 from escalator_twin.diagnosis.speeds import Law, LEAST_RISE
 from escalator_twin.diagnosis.telling import told, told_fault
 from escalator_twin.diagnosis.verdict import ALIKE, LAW_ERROR, neutral_of
@@ -34,6 +34,8 @@ SURE_SD = 3.0  # standard deviations from neutral at which other recordings conf
 LEAST_PART = 0.4  # of the scouts' size that the others must find
 BLIND = 0.5  # of the size: a standard deviation beyond which the others say nothing
 CONFIRMED = 0.98
+# Of a side that a scout did not weigh: as sure as any verdict is told to be.
+UNSEEN = 0.01
 DRAWS = 2000
 # Where the carriage rests is a matter of the machine's own lengths, in all of its recordings alike.
 COMMON = ('displacement_m',)
@@ -41,6 +43,9 @@ COMMON = ('displacement_m',)
 Sized = tuple[
     Proposal, Mapping[str, float]
 ]  # an effect as one recording has it, standard deviations
+
+
+Named = tuple[Found, float, int]  # an effect, its probability, by which scout
 
 
 @dataclass(frozen=True)
@@ -110,13 +115,16 @@ def _coordinates(experiment: Experiment | None) -> list[float]:
 
 
 def union_of(scouts: Sequence[Diagnosis]) -> list[list[tuple[Found, float]]]:
-    """Return what the scouts name, each effect with all who name it, the surest first."""
-    groups: list[list[tuple[Found, float]]] = []
-    for scout in scouts:
+    """Return what the scouts name, each effect with all who name it, the surest first.
+
+    Of one thing that scouts name on different sides it is the side that all of these believe in most.
+    """
+    groups: list[list[Named]] = []
+    for k, scout in enumerate(scouts):
         for found, probability in scout.found:
             if probability < NAMED:
                 continue
-            row = (found, probability)
+            row = (found, probability, k)
             home = next((g for g in groups if same_place(g[0][0].proposal, found.proposal)), None)
             if home is None:
                 groups.append([row])
@@ -124,7 +132,35 @@ def union_of(scouts: Sequence[Diagnosis]) -> list[list[tuple[Found, float]]]:
                 home.append(row)
     for group in groups:
         group.sort(key=lambda row: -row[1])
-    return sorted(groups, key=lambda g: (-len(g), -g[0][1]))
+    groups.sort(key=lambda g: (-len(g), -g[0][1]))
+    return [[(found, p) for found, p, _ in group] for group in _one_side_each(groups)]
+
+
+def _one_side_each(groups: list[list[Named]]) -> list[list[Named]]:
+    """Return groups without those that are another one's other side, by the product of what scouts believe.
+
+    One names a rail's step on the right and another one at the same place on both sides, since x and z of a step
+    hardly tell. Where one scout names both they are two effects.
+    """
+    kept: list[list[Named]] = []
+    while groups:
+        rivals = [g for g in groups if g is groups[0] or _is_rival(g, groups[0])]
+        groups = [g for g in groups if not any(g is r for r in rivals)]
+        rows = [found for group in rivals for found, _, _ in group]
+        kept.append(max(rivals, key=lambda g: sum(_belief(f, g[0][0].proposal) for f in rows)))
+    return kept
+
+
+def _is_rival(group: Sequence[Named], other: Sequence[Named]) -> bool:
+    by_one = {k for _, _, k in group} & {k for _, _, k in other}
+    return not by_one and is_other_side(group[0][0].proposal, other[0][0].proposal)
+
+
+def _belief(found: Found, other: Proposal) -> float:
+    """Return the logarithm of the probability that what a scout found is on another one's side."""
+    own = found.probability if same_place(found.proposal, other) else 0.0
+    seen = (r.probability for r in found.rivals if same_place(r.proposal, other))
+    return log(max(own, max(seen, default=0.0), UNSEEN))
 
 
 def pooled(rows: Sequence[Sized]) -> Found:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from escalator_twin.diagnosis.bounds import HOPE
 from escalator_twin.diagnosis.found import ONE_GAUGE
 from escalator_twin.diagnosis.free import of_machine
-from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.proposals import is_beside, Proposal, same_place
 from escalator_twin.diagnosis.search import WORTH
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.verdict import evidence_of, size_in_tolerances, Weighed
@@ -51,9 +51,15 @@ def choose(proposals: Sequence[Proposal]) -> list[Proposal]:
             continue
         if proposal.nuisance and size_in_tolerances(proposal) < 2.0:
             continue
-        if sum(p.cause == proposal.cause for p in chosen) < OF_ONE_CAUSE:
+        kin = [p for p in chosen if p.cause == proposal.cause]
+        if len(kin) < OF_ONE_CAUSE or _is_at_one_of(proposal, kin):
             chosen.append(proposal)
     return chosen
+
+
+def _is_at_one_of(proposal: Proposal, kin: Sequence[Proposal]) -> bool:
+    """Tell whether a rail's step is at the place of another, where it may as well have this side or height."""
+    return proposal.cause == 'guide_step' and any(is_beside(p, proposal) for p in kin)
 
 
 def candidates(

@@ -1,7 +1,7 @@
 """What a search proposes: a cause, where it may sit, about how large, and what it explains."""
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scipy.stats import chi2
 
@@ -64,6 +64,19 @@ def same_place(one: Proposal, other: Proposal) -> bool:
         elif value != there:
             return False
     return True
+
+
+def is_beside(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two proposals with a side sit at the same place but for that."""
+    place = {**one.location, 'side': other.location['side']}
+    return same_place(replace(one, location=place), other)
+
+
+def is_other_side(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two proposals are of one cause at one place on different sides."""
+    if one.cause != other.cause or one.location.get('side') == other.location.get('side'):
+        return False
+    return is_beside(one, other)
 
 
 def false_fall(proposals: Sequence[Proposal], causes: Container[str]) -> float:

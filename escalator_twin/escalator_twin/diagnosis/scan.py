@@ -68,6 +68,16 @@ def best_as_run(
 
     Parameters are those of `scored`.
     """
+    return max(as_run(stage, fitted, variants, jobs), key=lambda p: p.gain, default=None)
+
+
+def as_run(
+    stage: Stage, fitted: Fitted, variants: Iterable[Proposal], jobs: int = 1
+) -> list[Proposal]:
+    """Return the variants that explain anything as they are, their sizes kept, in their order.
+
+    Parameters are those of `scored`.
+    """
 
     def tried(one: Proposal) -> Proposal | None:
         try:
@@ -78,5 +88,4 @@ def best_as_run(
         return replace(one, gain=gain) if gain > 0.0 else None
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        found = [one for one in pool.map(tried, variants) if one is not None]
-    return max(found, key=lambda p: p.gain, default=None)
+        return [one for one in pool.map(tried, variants) if one is not None]

@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from math import pi
+from math import log, pi
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from escalator_twin.diagnosis.bumps import Bump, Bumps
 from escalator_twin.diagnosis.loops import band_limited
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each
+from escalator_twin.diagnosis.scan import as_run
 from escalator_twin.diagnosis.search import Search, SIDES, WORTH
 from escalator_twin.signals import Floats
 
@@ -23,13 +23,17 @@ RAIL_REACH_M = 0.035  # to either side: what the step's own acceleration leaves 
 RAIL_OPEN = 50.0  # from which more shapes are tried: noise, and a survey's error, are far below
 RAIL_CLOSE = 0.5  # of the best place's, from which another's shapes are tried as well
 TRIAL_M = 1.5e-3
-LOW = Bump(TRIAL_M / 3.0, LENGTH_M, is_free=True)  # linear
+LOW = Bump(TRIAL_M / 3.0, LENGTH_M, is_free=True)
 # The shapes of contracts.md, a centimetre of length apart: a roller leaves a longer bump otherwise. Heights
 # stand for each other by `bumps.ALIKE`: up to twice the reference, and down to none by the low ones.
 RAIL_LENGTHS_M = (0.045, 0.055, 0.065, 0.075)
 RAIL_HEIGHTS_M = (1.0e-3, 1.5e-3, 2.1e-3, -1.0e-3, -1.5e-3)
 FINER_M = 0.005  # of length, about the best shape
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # times its height
+LEAST_M = 1e-4  # a tolerance: no effect is lower
+HELD = 0.5  # of what a run promises of another height
+BAND = 1.25  # of heights one of which is run, to the next
+SIDE_CLOSE = 0.8  # of the best side's, from which shapes about another's best are tried as well: as `trial.CLOSE`
 SHAPED = 10.0  # times what a bump of one shape explains: the most that another at its place does
 ROUND_M = 0.2  # between places all round the loop, each read half of that to either side
 ENOUGH = 0.8  # of what is open: what explains so much leaves nothing to seek all round the loop
@@ -57,10 +61,35 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
     explained = max((_most(found).gain for found in trials), default=0.0)
     if search.is_open and max(explained, search.least / WORTH) < ENOUGH * search.excess:
         trials += tried(_all_round(bumps, starts))
-    trials.sort(key=lambda found: -_most(found).gain)
-    for found in trials[:RAIL_TRIES]:
+    for found in _best_apart(trials, length):
         for side in (*SIDES, 'both'):
-            yield _most([p for p in found if p.location['side'] == side])
+            yield from _as_run(search, _on(found, side))
+
+
+def _as_run(search: Search, found: Sequence[Proposal]) -> list[Proposal]:
+    """Return the bump that explains most as it is, of the best of every height, and the most promising one.
+
+    A roller leaves its track by a bump of one height and stays on it by one a little lower; what a run says of
+    both sides is the sum of what it says of either. What promises most is where a fit begins best, where tolerances
+    move what it does by millimetres, unless half of the promise is not held.
+    """
+    best, at = _most(found), dict[int, Proposal]()
+    if best.gain < RAIL_OPEN:
+        return [best]
+    for one in sorted(found, key=lambda p: -p.gain):
+        at.setdefault(_band(one.parameters['height_m']), one)
+    some = [one for one in at.values() if one.gain >= RAIL_CLOSE * best.gain]
+    ran = as_run(search.stage, search.fitted, some, search.jobs)
+    if not ran:
+        return [best]
+    held = [one for one in ran if one.deviation == best.deviation and one.gain >= HELD * best.gain]
+    return [_most(ran), *(one for one in held if one is not _most(ran))]
+
+
+def _band(height_m: float) -> int:
+    """Return a number that heights near each other have in common."""
+    way = round(log(max(abs(height_m), LEAST_M) / LEAST_M) / log(BAND))
+    return -1 - way if height_m < 0.0 else way
 
 
 def _by_step(search: Search, places: Floats, length: float) -> tuple[Floats, Floats]:
@@ -101,6 +130,20 @@ def _first_apart(places: Sequence[float], length: float) -> list[float]:
         if all(_apart(place, s, length) >= RAIL_APART_M for s in chosen):
             chosen.append(place)
     return chosen
+
+
+def _best_apart(trials: list[list[Proposal]], length: float) -> list[list[Proposal]]:
+    """Return the best trials, those that led to one place as one."""
+    chosen: list[list[Proposal]] = []
+    for found in sorted(trials, key=lambda found: -_most(found).gain):
+        at = _place(_most(found))
+        same = (c for c in chosen if _apart(at, _place(_most(c)), length) <= RAIL_APART_M / 2)
+        home = next(same, None)
+        if home is None:
+            chosen.append(list(found))
+        else:
+            home += found
+    return chosen[:RAIL_TRIES]
 
 
 def _followed(
@@ -195,12 +238,26 @@ def _shapes(bumps: Bumps, known: Sequence[Proposal]) -> list[Proposal]:
     """
     at = _place(_most(known))
     shapes = [Bump(h, wide) for h in RAIL_HEIGHTS_M for wide in RAIL_LENGTHS_M]
-    shapes += [replace(LOW, length_m=wide) for wide in RAIL_LENGTHS_M]
+    shapes += [Bump(LOW.height_m, wide, is_low=True) for wide in RAIL_LENGTHS_M]
     found = _run(bumps, [(at, shape) for shape in shapes], RAIL_REACH_M)
-    best = _most(found)
+    best = [_most(_on(found, side)) for side in (*SIDES, 'both')]
+    least = SIDE_CLOSE * _most(best).gain
+    finer = dict.fromkeys(run for p in best if p.gain >= least for run in _finer(p))
+    return found + _run(bumps, list(finer), RAIL_REACH_M)
+
+
+def _on(found: Sequence[Proposal], side: str) -> list[Proposal]:
+    return [p for p in found if p.location['side'] == side]
+
+
+def _finer(best: Proposal) -> list[tuple[float, Bump]]:
+    """Return shapes about one at its place."""
     height, wide = best.parameters['height_m'], best.parameters['length_m']
-    finer = [Bump(k * height, wide + way) for k in FINER for way in (-FINER_M, 0.0, FINER_M)]
-    return found + _run(bumps, [(_place(best), shape) for shape in finer], RAIL_REACH_M)
+    return [
+        (_place(best), Bump(k * height, wide + way))
+        for k in FINER
+        for way in (-FINER_M, 0.0, FINER_M)
+    ]
 
 
 def _run(bumps: Bumps, runs: Sequence[tuple[float, Bump]], reach_m: float) -> list[Proposal]:

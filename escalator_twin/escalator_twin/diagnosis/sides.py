@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.fitting import fitted_beside
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.proposals import is_other_side, Proposal, same_place
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.split import in_time
@@ -114,16 +114,3 @@ def chance_of(one: Beside, other: Beside) -> float:
     summed = np.cumsum(np.concatenate([[0.0], differs, differs[:block]]))
     blocks = summed[block:] - summed[:-block]
     return float(np.sum(blocks[:-1] ** 2) / block) ** 0.5
-
-
-def is_other_side(one: Proposal, other: Proposal) -> bool:
-    """Tell whether two proposals are of one cause at one place on different sides."""
-    if one.cause != other.cause or one.location.get('side') == other.location.get('side'):
-        return False
-    return is_beside(one, other)
-
-
-def is_beside(one: Proposal, other: Proposal) -> bool:
-    """Tell whether two proposals sit at the same place but for the side."""
-    place = {**one.location, 'side': other.location['side']}
-    return same_place(replace(one, location=place), other)

@@ -24,7 +24,7 @@ from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, trie
 from escalator_twin.diagnosis.lengths import from_far
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import Polished, WHOLE_STEPS
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
@@ -98,7 +98,8 @@ def try_all(
         )
         refined = first + [r for pair in waves for r in pair]
         refined.sort(key=lambda r: -r.gain)
-        leading = best_wave_alone([r for r in refined if r.gain > CLOSE * refined[0].gain])[:2]
+        close = [r for r in refined if r.gain > CLOSE * refined[0].gain]
+        leading = _first_of_places(best_wave_alone(close))[:2]
         leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
         fitted_again = _fitted_all(context, place, known, leading, jobs)
 
@@ -162,6 +163,15 @@ def _locked_better(known: Sequence[Proposal], tried: list[Tried], jobs: int) -> 
         return tried
     near = next((t.polished for t in tried if t.polished and t.proposal.cause in DRIVE), None)
     return tried if near is None else [fitted_near(known, tried[0], near, jobs), *tried[1:]]
+
+
+def _first_of_places(refined: Sequence[Refined]) -> list[Refined]:
+    """Return refined causes without those at the place of a better one: two hollows of one place leave no room for another."""
+    kept: list[Refined] = []
+    for one in refined:
+        if not any(same_place(one.proposal, other.proposal) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def _fitted_all(
