@@ -332,3 +332,7 @@ def test_of_two_hollows_of_one_place_the_better_one_leads():
 
     rows = [at(11.702, -3e-4, 9325.0), at(11.703, -2e-4, 9064.0), at(12.097, 4e-4, 7988.0)]
     assert trial._first_of_places(rows) == [rows[0], rows[2]]
+    # where a flat begins is no place: two of one roller both lead
+    flat = Proposal('roller_flat', {'axle': 3, 'side': 'left'}, {'depth_m': 6e-4}, 900.0)
+    both = [Refined(flat, None, None, gain, {}, None, ()) for gain in (900.0, 800.0)]
+    assert trial._first_of_places(both) == both

@@ -166,10 +166,14 @@ def _locked_better(known: Sequence[Proposal], tried: list[Tried], jobs: int) -> 
 
 
 def _first_of_places(refined: Sequence[Refined]) -> list[Refined]:
-    """Return refined causes without those at the place of a better one: two hollows of one place leave no room for another."""
+    """Return refined causes, of several rail's steps on one side of one place the best.
+
+    Two hollows of a wrong place a pitch away would leave no room for the right one.
+    """
     kept: list[Refined] = []
     for one in refined:
-        if not any(same_place(one.proposal, other.proposal) for other in kept):
+        is_step = one.proposal.cause == 'guide_step'
+        if not (is_step and any(same_place(one.proposal, other.proposal) for other in kept)):
             kept.append(one)
     return kept
 
