@@ -29,6 +29,8 @@ def test_of_two_places_of_a_rails_step_further_sides_are_run_and_no_third_place(
 
 
 @pytest.mark.parametrize('cause', ['roller_flat', 'roller_drag'])
-def test_of_another_cause_two_are_run(cause):
-    proposals = [at(('axle', k, 'left'), cause, 900.0 - k) for k in (3, 4, 5)]
+@pytest.mark.parametrize('third', [(5, 'left'), (3, 'right'), (3, 'left')])
+def test_of_another_cause_two_are_run(cause, third):
+    rows = [(3, 'left'), (4, 'left'), third]
+    proposals = [at(('axle', *row), cause, 900.0 - k) for k, row in enumerate(rows)]
     assert choose(proposals) == proposals[:2]
