@@ -336,3 +336,31 @@ def test_of_two_hollows_of_one_place_the_better_one_leads():
     flat = Proposal('roller_flat', {'axle': 3, 'side': 'left'}, {'depth_m': 6e-4}, 900.0)
     both = [Refined(flat, None, None, gain, {}, None, ()) for gain in (900.0, 800.0)]
     assert trial._first_of_places(both) == both
+
+
+def test_sides_of_a_rails_step_are_weighed_by_passages_before_the_best_is_chosen(monkeypatch):
+    stage = SimpleNamespace(observation=SimpleNamespace(frame=None))
+    stage.lean = lambda _: stage
+    bench = SimpleNamespace(model=None, fitted=None, stage=stage)
+    both, right = (
+        Tried(Proposal('guide_step', {'s_m': 5.0, 'side': side}, {}, gain), gain, {})
+        for side, gain in (('both', 900.0), ('right', 700.0))
+    )
+    for name, given in (('pairs', []), ('_fitted_all', [both]), ('other_sides', [right])):
+        monkeypatch.setattr(trial, name, lambda *_, given=given: given)
+    one = SimpleNamespace(gain=900.0, proposal=both.proposal)
+    monkeypatch.setattr(trial, 'refine', lambda *_: one)
+    monkeypatch.setattr(trial, 'best_wave_alone', lambda refined: refined)
+    for name in ('shared', 'locked'):
+        monkeypatch.setattr(trial, name, lambda *a, at=name: a[1] if at == 'shared' else a[2])
+    for name in ('from_far', 'from_other_frequencies'):
+        monkeypatch.setattr(trial, name, lambda *a: a[3])
+    monkeypatch.setattr(trial, '_settled', lambda *a: a[2])
+
+    def weighed(tried):
+        assert tried == [both, right]
+        return [both, replace(right, gain=950.0)]
+
+    monkeypatch.setattr(trial, 'weighed_by_passages', weighed)
+    found = trial.try_all(None, bench, (), [both.proposal], 1, None, lambda *_: True)
+    assert [t.gain for t in found] == [950.0, 900.0]
