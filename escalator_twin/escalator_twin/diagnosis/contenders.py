@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from escalator_twin.diagnosis.bounds import HOPE
+from escalator_twin.diagnosis.floor import PASSED
 from escalator_twin.diagnosis.found import ONE_GAUGE
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import is_beside, Proposal, same_place
@@ -59,7 +60,7 @@ def choose(proposals: Sequence[Proposal]) -> list[Proposal]:
 
 def _is_at_one_of(proposal: Proposal, kin: Sequence[Proposal]) -> bool:
     """Tell whether a rail's step is at the place of another, where it may as well have this side or height."""
-    return proposal.cause == 'guide_step' and any(is_beside(p, proposal) for p in kin)
+    return proposal.cause in PASSED and any(is_beside(p, proposal) for p in kin)
 
 
 def candidates(

@@ -11,8 +11,9 @@ from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Begin, Frame, LOCAL, Origin
-from escalator_twin.diagnosis.nuisance import make_nuisance
+from escalator_twin.diagnosis.nuisance import make_nuisance, Nuisance
 from escalator_twin.diagnosis.observation import Observation, observe, on_grid
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.responses import (
     find_knobs,
@@ -30,6 +31,7 @@ from escalator_twin.signals import Floats, Recording
 TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
 STEP_SHARES = (1.0, 0.4)
+SHAKEN = 'law/'  # before a number, the name of a column of `Shaken`
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
 
 
@@ -55,6 +57,33 @@ class Own:
 
 
 @dataclass(frozen=True)
+class Shaken:
+    """What effects do where rattling rollers shake a sensor, and how far the twin's law may be off there.
+
+    Attributes
+    ----------
+    index : (n,) int64
+        Grid points of the observation that it was run beside.
+    weight : (n, c) float32
+        By which the signals are weighed down, 0 to 1.
+    columns : (n, c, k) float32
+        By one standard deviation of how strong the twin has each effect there, SI.
+    effects : tuple of Proposal
+        Those that were run.
+    """
+
+    index: np.ndarray
+    weight: np.ndarray
+    columns: np.ndarray
+    effects: tuple[Proposal, ...]
+
+    def at(self, index: np.ndarray) -> 'Shaken':
+        """Return the same at other grid points: an alignment moves the ends by a few."""
+        rows = np.clip(index - self.index[0], 0, len(self.index) - 1)
+        return replace(self, index=index, weight=self.weight[rows], columns=self.columns[rows])
+
+
+@dataclass(frozen=True)
 class Context:
     """A recording's place, the responses of its experiment, and the twin's floor.
 
@@ -76,6 +105,8 @@ class Context:
         Tolerances that hardly show in this recording: what they do is not taken anew.
     own : Own or None
         In the place of what ``responses`` says of tolerances.
+    shaken : Shaken or None
+        Of effects that act where rattling rollers shake a sensor.
     """
 
     recording: Recording
@@ -88,6 +119,7 @@ class Context:
     nominal: 'Nominal | None' = None
     weak: frozenset[str] = frozenset()
     own: Own | None = None
+    shaken: Shaken | None = None
 
     @property
     def frame(self) -> Frame:
@@ -112,12 +144,15 @@ class Beside:
         On the stage's grid.
     fitted : Fitted
         What it leaves, with the nuisance.
+    freed : tuple of Proposal
+        Effects of the measurement whose nuisance was freed, see `freed`.
     """
 
     stage: Stage
     judgement: Judgement
     model: Floats
     fitted: Fitted
+    freed: tuple[Proposal, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -199,14 +234,45 @@ def _aligned(
     observation = observe(setting, judgement, machine, context.frame, context.start_m)
     columns = {s.channel: i for i, s in enumerate(machine.instruments.sensors)}
     model = on_grid(trace, setting.experiment.set_speed_m_s, observation, columns)
+    stage = _stage_of(context, machine, observation, model, trace.rack_m)
+    stage = replace(stage, turned=dict(turned))
+    return Beside(stage, judgement, model, stage.fit(model))
+
+
+def weighed_anew(context: Context, place: Beside) -> Beside:
+    """Return a comparison with the nuisance and weights of a context; nothing is run or aligned anew.
+
+    Nuisance that was freed for an effect of the measurement is a good instrument's again.
+    """
+    old = place.stage
+    stage = _stage_of(context, old.machine, old.observation, place.model, old.rack_m)
+    stage = replace(stage, turned=old.turned)
+    return replace(place, stage=stage, fitted=stage.fit(place.model), freed=())
+
+
+def _stage_of(
+    context: Context, machine: Machine, observation: Observation, model: Floats, rack_m: float
+) -> Stage:
+    """Return the stage of an aligned observation, no tolerance turned."""
+    setting = context.setting
     own = {} if context.own is None else context.own.at(observation.index)
     nuisance = make_nuisance(observation, model, context.responses, machine, own)
     shares = shares_of(context, observation)
     noises = {f.channel: f.noise for f in setting.findings if f.noise > 1.0}
     whiten = make_whitener(observation, machine, context.floor, shares=shares, noises=noises)
-    stage = make_stage(machine, setting, observation, nuisance, whiten, trace.rack_m)
-    stage = replace(stage, turned=dict(turned))
-    return Beside(stage, judgement, model, stage.fit(model))
+    price = 0.0
+    if context.shaken is not None:
+        shaken = context.shaken.at(observation.index)
+        in_band = len(whiten.weight) / len(observation.index)
+        price = -2.0 * in_band * float(np.sum(np.log(shaken.weight) * observation.valid))
+        whiten = replace(whiten, mask=whiten.mask * shaken.weight)
+        names = tuple(f'{SHAKEN}{k}' for k in range(shaken.columns.shape[2]))
+        nuisance = Nuisance(
+            (*nuisance.names, *names),
+            np.concatenate([nuisance.columns, shaken.columns], axis=2),
+        )
+    stage = make_stage(machine, setting, observation, nuisance, whiten, rack_m)
+    return replace(stage, price=price)
 
 
 def shares_of(context: Context, observation: Observation) -> Floats:

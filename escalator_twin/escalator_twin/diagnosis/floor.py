@@ -43,6 +43,7 @@ RATTLING = frozenset({'step_acceleration/z', 'step_acceleration/x'})
 # of 0.8 to 1 as those of forces, tensioner and y do. As columns of a fit such chance shrinks every
 # size, of a tread that is not round and of a wave of the drive too: most of what they do is in forces.
 SHAKING = frozenset({'guide_step', 'truss_resonance'})
+PASSED = frozenset({'guide_step'})  # of these, what every step feels where it passes a place
 
 
 def kind_of(sensor: Sensor) -> str:

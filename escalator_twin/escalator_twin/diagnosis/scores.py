@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy import fft
 
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.diagnosis.whitening import sensor_variance
@@ -111,7 +110,7 @@ def scored(
     energy = np.zeros((len(seen), 2, len(observation.channels)))
     plainly = np.zeros_like(energy)  # as `chi2_before` and `chi2_after` have it
     whitened = {
-        id(rows): _whitened(stage, _held(rows, seen))
+        id(rows): stage.whiten.along(_held(rows, seen))
         for _, plain, better in seen
         for rows in (plain, better)
     }
@@ -196,12 +195,12 @@ def undecided(
         What the effects do.
     channels_used : (c,) bool
     """
-    power = np.sum(_whitened(stage, change)[:, channels_used] ** 2, axis=1)
+    power = np.sum(stage.whiten.along(change)[:, channels_used] ** 2, axis=1)
     expected = float(sum(np.sum(power[block]) for block, _, _ in seen))
     if expected < SHOWN:
         return f'the effects would show by {expected:.0f} of chi squared, a sure look takes {SHOWN:.0f}'
     whitened = {
-        id(rows): _whitened(stage, _held(rows, seen)) for _, *both in seen for rows in both
+        id(rows): stage.whiten.along(_held(rows, seen)) for _, *both in seen for rows in both
     }
     counts = stage.observation.valid & channels_used
     fall = 0.0
@@ -256,7 +255,7 @@ def _acting(
     every = list(enumerate(blocks))
     if change is None:
         return 1, every
-    white = np.sum(_whitened(stage, change)[:, channels_used] ** 2, axis=1)
+    white = np.sum(stage.whiten.along(change)[:, channels_used] ** 2, axis=1)
     for parts in PARTS:
         cut = [(i, part) for i, block in every for part in _cut(block, parts)]
         energy = np.array([np.sum(white[part]) for _, part in cut])
@@ -313,13 +312,3 @@ def _channel(rows: dict[str, Floats], variance: float) -> dict[str, float]:
         'chi2_before': float(np.mean(rows['b'] ** 2) / variance),
         'chi2_after': float(np.mean(rows['a'] ** 2) / variance),
     }
-
-
-def _whitened(stage: Stage, residual: Floats) -> Floats:
-    """Return a residual along the grid, each frequency over the floor, (n, c)."""
-    n, c = residual.shape
-    whole = np.zeros((n, c))
-    waves = stage.whiten(residual[:, :, None])[:, 0].reshape(-1, c)
-    whole[: len(waves)] = waves
-    found: Floats = fft.idct(whole, axis=0, norm='ortho')
-    return found

@@ -62,11 +62,17 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
     if search.is_open and max(explained, search.least / WORTH) < ENOUGH * search.excess:
         trials += tried(_all_round(bumps, starts))
     for found in _best_apart(trials, length):
+        best = _most(found)
+        there, before = search, search.stage.judged(search.fitted, best.cause)
+        if best.gain >= RAIL_OPEN:
+            there = search.beside_law(best)
         for side in (*SIDES, 'both'):
-            yield from _as_run(search, _on(found, side))
+            yield from _as_run(there, _on(found, side), before)
 
 
-def _as_run(search: Search, found: Sequence[Proposal]) -> list[Proposal]:
+def _as_run(
+    search: Search, found: Sequence[Proposal], before: float | None = None
+) -> list[Proposal]:
     """Return the bump that explains most as it is, of the best of every height, and the most promising one.
 
     A roller leaves its track by a bump of one height and stays on it by one a little lower; what a run says of
@@ -79,7 +85,7 @@ def _as_run(search: Search, found: Sequence[Proposal]) -> list[Proposal]:
     for one in sorted(found, key=lambda p: -p.gain):
         at.setdefault(_band(one.parameters['height_m']), one)
     some = [one for one in at.values() if one.gain >= RAIL_CLOSE * best.gain]
-    ran = as_run(search.stage, search.fitted, some, search.jobs)
+    ran = as_run(search.stage, search.fitted, some, search.jobs, before)
     if not ran:
         return [best]
     held = [one for one in ran if one.deviation == best.deviation and one.gain >= HELD * best.gain]

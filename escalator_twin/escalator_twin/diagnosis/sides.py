@@ -8,9 +8,9 @@ import numpy as np
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.fitting import fitted_beside
-from escalator_twin.diagnosis.floor import SHAKING
+from escalator_twin.diagnosis.floor import PASSED
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.proposals import is_other_side, Proposal, same_place
+from escalator_twin.diagnosis.proposals import is_beside, is_other_side, Proposal, same_place
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.search import SIDES
 from escalator_twin.diagnosis.split import in_time
@@ -53,7 +53,7 @@ def other_sides(
         for r in reversed(refined)
         if is_other_side(r.proposal, best.proposal)
     }
-    if side in SIDES and best.proposal.cause != 'guide_step':
+    if side in SIDES and best.proposal.cause not in PASSED:
         other = SIDES[1 - SIDES.index(str(side))]
         location = {**best.proposal.location, 'side': other}
         like = next(r for r in refined if r.proposal.cause == best.proposal.cause)
@@ -75,40 +75,70 @@ def other_sides(
 
 
 def weighed_by_passages(tried: Sequence[Tried]) -> list[Tried]:
-    """Return what was tried, sides of the best weighed by what chance leaves of their difference.
+    """Return what was tried, sides of the best weighed by what tells them apart, and by how much chance is in that.
 
+    A step's x and z are those of its middle, where half a bump on both sides is one on either: all that they
+    tell of sides is by how far rollers leave their track. So sides are weighed by the channels that no rattling shakes.
     The logarithm of the odds is that of the probability that a normal difference leaves: the usual approximation of
     a logistic function's integral over a normal density (MacKay 1992, The evidence framework applied to
     classification networks, Neural Computation 4).
     """
-    best = max(tried, key=lambda t: t.gain, default=None)
-    if best is None or best.polished is None or best.proposal.cause not in SHAKING & set(SIDED):
+    fitted = [t for t in tried if t.polished is not None]
+    best = max(fitted, key=lambda t: t.gain, default=None)
+    if best is None or best.proposal.cause not in PASSED:
         return list(tried)
-    leading = best.polished.place
+    if any(t.gain > best.gain for t in tried):
+        return list(tried)
+    leading = {best.proposal.location['side']: best}
+    for one in sorted(fitted, key=lambda t: -t.gain):
+        if is_other_side(one.proposal, best.proposal):
+            leading.setdefault(one.proposal.location['side'], one)
+    levels = {side: _quiet(_place_of(one)) for side, one in leading.items()}
+    first = leading[min(levels, key=lambda side: levels[side])]
+    most = {}
+    for side, one in leading.items():
+        nats = 0.5 * chance_of(_place_of(one), _place_of(first))
+        behind = (levels[side] - _quiet(_place_of(first))) / (1.0 + pi / 8.0 * nats**2) ** 0.5
+        most[side] = best.gain - behind
 
-    def fair(one: Tried) -> Tried:
-        if one.polished is None or not is_other_side(one.proposal, best.proposal):
+    def fair(one: Tried) -> Tried | None:
+        side = one.proposal.location.get('side')
+        is_here = one.proposal.cause == best.proposal.cause and is_beside(
+            one.proposal, best.proposal
+        )
+        if not is_here or side not in most:
             return one
-        nats = 0.5 * chance_of(one.polished.place, leading)
-        behind = (best.gain - one.gain) / (1.0 + pi / 8.0 * nats**2) ** 0.5
-        return replace(one, gain=best.gain - behind)
+        # a side that was fitted is told by its best fit alone
+        return replace(one, gain=most[side]) if one is leading[side] else None
 
-    return [fair(one) for one in tried]
+    return [kept for one in tried if (kept := fair(one)) is not None]
+
+
+def _place_of(tried: Tried) -> Beside:
+    assert tried.polished is not None
+    return tried.polished.place
+
+
+def _quiet(place: Beside) -> float:
+    return place.stage.judged(place.fitted)
 
 
 def chance_of(one: Beside, other: Beside) -> float:
-    """Return the standard deviation of a difference of chi squared, by where along travel it came about.
+    """Return the standard deviation of a difference of quiet channels' chi squared, by where along travel it came about.
 
     As of two models of which neither is quite true (Vuong 1989, Likelihood ratio tests for model selection and
     non-nested hypotheses, Econometrica 57), from sums over blocks that overlap (Kuensch 1989, The jackknife and the
     bootstrap for general stationary observations, Annals of Statistics 17). A step passes a place with both axles, a
     pitch apart, and once a loop: what the twin's law is off by there repeats. Blocks are two pitches long, and loops
-    are added up. Rollers that rattle make some such passages all of a difference.
+    are added up.
     """
     here, there = one.stage.observation, other.stage.observation
     frame = here.frame
     common, *rows = np.intersect1d(here.index, there.index, return_indices=True)
-    left = [np.sum(in_time(p)[at] ** 2, axis=1) for p, at in zip((one, other), rows, strict=True)]
+    left = [
+        np.sum((in_time(p)[at] ** 2)[:, p.stage.quiet], axis=1)
+        for p, at in zip((one, other), rows, strict=True)
+    ]
     differs = np.bincount(common % frame.n_loop, left[0] - left[1], frame.n_loop)
     block = 2 * frame.per_pitch
     summed = np.cumsum(np.concatenate([[0.0], differs, differs[:block]]))

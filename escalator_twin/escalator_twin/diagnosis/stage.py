@@ -43,6 +43,8 @@ class Stage:
         Of the run that the recording was aligned with, see ``rack_shift``.
     added : (n, c) float64 or None
         To every run, on the observation's grid: see ``lean``.
+    price : float
+        Chi squared that it costs to weigh less what the twin's law may be off by, see ``whole``.
     """
 
     machine: Machine
@@ -55,6 +57,7 @@ class Stage:
     turned: dict[str, float]
     rack_m: float
     added: Floats | None = None
+    price: float = 0.0
 
     @property
     def machine_length(self) -> float:
@@ -186,8 +189,16 @@ class Stage:
     def judged(self, fitted: Fitted, cause: str | None = None) -> float:
         """Return the chi squared that a cause is judged by: of the channels that it acts on."""
         if cause in SHAKING:
-            return fitted.chi2
+            return self.whole(fitted)
         return self.level(fitted.left(), fitted.sizes + fitted.offset)
+
+    def whole(self, fitted: Fitted) -> float:
+        """Return chi squared of all channels, as it compares with that of a stage with other weights.
+
+        Of normal noise whose variance is larger by a factor here and there the logarithm of that counts:
+        without it, what is weighed least would be explained best.
+        """
+        return fitted.chi2 + self.price
 
     def level(self, left: np.ndarray, used: Floats) -> float:
         """Return chi squared in the channels that no rattling shakes.

@@ -17,7 +17,7 @@ from escalator_twin.diagnosis.contenders import (
     one_gauge,
     place_of,
 )
-from escalator_twin.diagnosis.context import Beside, beside, Context, quiet_chi2
+from escalator_twin.diagnosis.context import Beside, beside, Context, quiet_chi2, Shaken
 from escalator_twin.diagnosis.families import COSTLY, FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
 from escalator_twin.diagnosis.found import (
@@ -29,9 +29,12 @@ from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.hollows import out_of_hollow
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.regroup import regrouped
 from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
+from escalator_twin.diagnosis.shaken import carried
+from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
@@ -94,6 +97,10 @@ class Walked:
         An effect of the last round that is no more than what an accepted law may leave.
     last : Round or None
         None where the walk ended with what it accepted.
+    stages : tuple of Beside
+        Before each effect was accepted; none where they are not known.
+    shaken : Shaken or None
+        The law's error that comparisons hold.
     """
 
     found: tuple[Found, ...]
@@ -103,6 +110,7 @@ class Walked:
     left: Found | None = None
     last: Round | None = None
     stages: tuple[Beside, ...] = ()
+    shaken: Shaken | None = None
 
 
 @dataclass(frozen=True)
@@ -274,7 +282,8 @@ def walk(
             break
     if len(stages) != len(found):
         stages = []
-    return Walked(tuple(found), before, place, tuple(weighed), left, last, tuple(stages))
+    walked = Walked(tuple(found), before, place, tuple(weighed), left, last, tuple(stages))
+    return replace(walked, shaken=context.shaken)
 
 
 def _regrouped(
@@ -380,7 +389,14 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     is_left = is_open(place, context.floor)
     stage = place.stage.lean(place.model)
     excess = sum(excess_of(place, context.floor, shaken) for shaken in (False, True))
-    search = Search(view, place.fitted, stage, place.model, jobs, is_left, excess=excess)
+
+    def beside_law(proposal: Proposal) -> tuple[Stage, Fitted]:
+        _, there = carried(context, place, [proposal], jobs)
+        return there.stage.lean(there.model), there.fitted
+
+    search = Search(
+        view, place.fitted, stage, place.model, jobs, is_left, excess=excess, carried=beside_law
+    )
     return search_all(search, FAMILIES, COSTLY)
 
 

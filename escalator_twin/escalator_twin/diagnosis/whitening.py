@@ -45,6 +45,14 @@ class Whitener:
         white *= self.weight[:, :, None]
         return white.reshape(-1, shape[2])
 
+    def along(self, signals: Floats) -> Floats:
+        """Return signals (n, c) along the grid, each frequency over its standard deviation."""
+        whole = np.zeros(signals.shape)
+        waves = self(signals[:, :, None])[:, 0].reshape(-1, signals.shape[1])
+        whole[: len(waves)] = waves
+        found: Floats = fft.idct(whole, axis=0, norm='ortho')
+        return found
+
     def low_pass(self, cut_hz: float, rate_hz: float) -> np.ndarray:
         """Return what lets waves through up to a frequency, (f,) float32."""
         f = frequencies(len(self.mask), rate_hz)
