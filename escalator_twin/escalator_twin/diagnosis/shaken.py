@@ -21,9 +21,7 @@ from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
-LAW_SHARE = (
-    0.05  # of the power of what a bump does there, by which the twin is off, but for its strength
-)
+LAW_SHARE = 0.2  # of the power of what a bump does there, by which the twin is off in shape
 LAW_SCALE = 0.15  # of its strength, one standard deviation
 NEXT_TO_NOTHING = 0.02  # of a bump's length, by which rollers that rattle roll their dice anew
 SMOOTH_S = (
