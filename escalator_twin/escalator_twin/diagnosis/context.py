@@ -21,7 +21,7 @@ from escalator_twin.diagnosis.responses import (
     RAIL,
     Responses,
 )
-from escalator_twin.diagnosis.stage import make_stage, run_beside, Stage
+from escalator_twin.diagnosis.stage import make_stage, run_beside, Shaken, Stage
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine
@@ -54,33 +54,6 @@ class Own:
         """Return the columns at other grid points: an alignment moves the ends by a few."""
         rows = np.clip(index - self.index[0], 0, len(self.index) - 1)
         return {name: found[rows] for name, found in self.columns.items()}
-
-
-@dataclass(frozen=True)
-class Shaken:
-    """What effects do where rattling rollers shake a sensor, and how far the twin's law may be off there.
-
-    Attributes
-    ----------
-    index : (n,) int64
-        Grid points of the observation that it was run beside.
-    weight : (n, c) float32
-        By which the signals are weighed down, 0 to 1.
-    columns : (n, c, k) float32
-        By one standard deviation of how strong the twin has each effect there, SI.
-    effects : tuple of Proposal
-        Those that were run.
-    """
-
-    index: np.ndarray
-    weight: np.ndarray
-    columns: np.ndarray
-    effects: tuple[Proposal, ...]
-
-    def at(self, index: np.ndarray) -> 'Shaken':
-        """Return the same at other grid points: an alignment moves the ends by a few."""
-        rows = np.clip(index - self.index[0], 0, len(self.index) - 1)
-        return replace(self, index=index, weight=self.weight[rows], columns=self.columns[rows])
 
 
 @dataclass(frozen=True)
@@ -260,11 +233,9 @@ def _stage_of(
     shares = shares_of(context, observation)
     noises = {f.channel: f.noise for f in setting.findings if f.noise > 1.0}
     whiten = make_whitener(observation, machine, context.floor, shares=shares, noises=noises)
-    price = 0.0
+    shaken = None
     if context.shaken is not None:
         shaken = context.shaken.at(observation.index)
-        in_band = len(whiten.weight) / len(observation.index)
-        price = -2.0 * in_band * float(np.sum(np.log(shaken.weight) * observation.valid))
         whiten = replace(whiten, mask=whiten.mask * shaken.weight)
         names = tuple(f'{SHAKEN}{k}' for k in range(shaken.columns.shape[2]))
         nuisance = Nuisance(
@@ -272,7 +243,7 @@ def _stage_of(
             np.concatenate([nuisance.columns, shaken.columns], axis=2),
         )
     stage = make_stage(machine, setting, observation, nuisance, whiten, rack_m)
-    return replace(stage, price=price)
+    return replace(stage, shaken=shaken)
 
 
 def shares_of(context: Context, observation: Observation) -> Floats:

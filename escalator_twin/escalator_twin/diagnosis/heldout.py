@@ -96,7 +96,7 @@ def hold_out(
     stood_for = tuple(e.nuisance for e in effects if e.nuisance and not of_machine(e))
     bounded = np.array([name.startswith(stood_for) for name in bare.nuisance.names], bool)
     slow = slow_of(bare, effects)
-    law = own_law(context, bare.nuisance.names, effects)
+    law = own_law(bare, effects)
     seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow, law)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     found = scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0), change)

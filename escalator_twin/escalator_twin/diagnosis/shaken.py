@@ -13,20 +13,18 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from escalator_twin.diagnosis.context import Beside, Context, SHAKEN, Shaken, weighed_anew
+from escalator_twin.diagnosis.context import Beside, Context, SHAKEN, weighed_anew
 from escalator_twin.diagnosis.floor import PASSED
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.proposals import is_beside, Proposal
-from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.stage import Shaken, Stage
 from escalator_twin.errors import EscalatorError
 from escalator_twin.signals import Floats
 
 LAW_SHARE = 0.2  # of the power of what a bump does there, by which the twin is off in shape
 LAW_SCALE = 0.15  # of its strength, one standard deviation
 NEXT_TO_NOTHING = 0.02  # of a bump's length, by which rollers that rattle roll their dice anew
-SMOOTH_S = (
-    0.2  # over which power is averaged: what leaves its track comes down a little later or earlier
-)
+SMOOTH_S = 0.2  # over which power is averaged: a roller may land a little later or earlier
 
 
 def carried(
@@ -89,15 +87,15 @@ def weighed_for(
     return weighed
 
 
-def own_law(context: Context, names: Sequence[str], effects: Sequence[Proposal]) -> np.ndarray:
+def own_law(stage: Stage, effects: Sequence[Proposal]) -> np.ndarray:
     """Return which nuisance is how strong the twin has some effects: it is none without them, (q,) bool."""
-    known = context.shaken.effects if context.shaken is not None else ()
+    known = stage.shaken.effects if stage.shaken is not None else ()
     own = {
         f'{SHAKEN}{k}'
         for k, one in enumerate(known)
         if any(e.cause == one.cause and is_beside(e, one) for e in effects)
     }
-    return np.array([name in own for name in names], bool)
+    return np.array([name in own for name in stage.nuisance.names], bool)
 
 
 def answer(

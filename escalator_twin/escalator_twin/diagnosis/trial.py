@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.closing import KICK_LEFT, MOST_LEFT, WHOLE_LEFT
-from escalator_twin.diagnosis.context import Beside, Context, Shaken
+from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import (
     approached,
@@ -30,6 +30,7 @@ from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
 from escalator_twin.diagnosis.shaken import weighed_for
 from escalator_twin.diagnosis.sides import other_sides, weighed_by_passages
+from escalator_twin.diagnosis.stage import Shaken
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
@@ -219,11 +220,19 @@ def _fitted_all(
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         rest = pool.map(
             lambda r: fitted_beside(
-                replace(context, shaken=law_of(r.proposal)), place, known, r, turned, jobs
+                _beside_law(context, r, law_of), place, known, r, turned, jobs
             ),
             leading[len(fitted) :],
         )
         return [*fitted, *rest]
+
+
+def _beside_law(
+    context: Context, refined: Refined, law_of: Callable[[Proposal], Shaken | None]
+) -> Context:
+    if refined.proposal.cause not in PASSED:
+        return context
+    return replace(context, shaken=law_of(refined.proposal))
 
 
 def _fitted_here(

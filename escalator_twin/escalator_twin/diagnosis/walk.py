@@ -17,7 +17,7 @@ from escalator_twin.diagnosis.contenders import (
     one_gauge,
     place_of,
 )
-from escalator_twin.diagnosis.context import Beside, beside, Context, quiet_chi2, Shaken
+from escalator_twin.diagnosis.context import Beside, beside, Context, quiet_chi2
 from escalator_twin.diagnosis.families import COSTLY, FAMILIES
 from escalator_twin.diagnosis.fitting import fit_again, MOVES_RESONANCE
 from escalator_twin.diagnosis.found import (
@@ -34,7 +34,7 @@ from escalator_twin.diagnosis.regroup import regrouped
 from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.shaken import carried
-from escalator_twin.diagnosis.stage import Stage
+from escalator_twin.diagnosis.stage import Shaken, Stage
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
