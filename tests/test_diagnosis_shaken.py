@@ -119,7 +119,7 @@ def test_weights_fall_where_the_answer_is_and_where_dice_are_rolled_and_nowhere_
     assert (column[:, 0] == 0.0).all()
     # power is averaged over eleven points: of six that hold 40 each, at the middle all
     assert power[102, 2] == pytest.approx(shaken.LAW_SHARE * 6.0 / 11.0 * 1600.0)
-    assert power[200, 2] == pytest.approx(900.0 / 11.0)
+    assert power[200, 2] == pytest.approx(shaken.DICE * 900.0 / 11.0)
     assert power[[50, 150, 300], 2] == pytest.approx(0.0, abs=1e-20)
     # how strong it is: the law's own, and what the dice are of it
     scale = (shaken.LAW_SCALE**2 + 900.0 / (6.0 * 1604.0)) ** 0.5

@@ -23,7 +23,15 @@ from escalator_twin.signals import Floats
 
 LAW_SHARE = 0.2  # of the power of what a bump does there, by which the twin is off in shape
 LAW_SCALE = 0.15  # of its strength, one standard deviation
-NEXT_TO_NOTHING = 0.02  # of a bump's length, by which rollers that rattle roll their dice anew
+NEXT_TO_NOTHING = (
+    -0.02,
+    -0.01,
+    0.01,
+    0.02,
+)  # of its length: rattling rollers roll their dice anew
+# Times the power of what changes so: dice that fall in one run and not in another say nothing of a bump,
+# and taken at their own power they would speak against every bump, the more the higher it is.
+DICE = 10.0
 SMOOTH_S = 0.2  # over which power is averaged: a roller may land a little later or earlier
 
 
@@ -114,7 +122,7 @@ def answer(
     long = effect.parameters['length_m']
     near = [
         replace(effect, parameters={**effect.parameters, 'length_m': share * long})
-        for share in (1.0, 1.0 - NEXT_TO_NOTHING, 1.0 + NEXT_TO_NOTHING)
+        for share in (1.0, *(1.0 + by for by in NEXT_TO_NOTHING))
     ]
     try:
         with ThreadPoolExecutor(max(1, jobs)) as pool:
@@ -132,4 +140,4 @@ def answer(
     power = power_of(shaken)
     rolled = np.mean([power_of(np.where(stage.quiet, 0.0, o - change)) for o in others], axis=0)
     scale = (LAW_SCALE**2 + rolled.sum() / max(float(power.sum()), 1e-12)) ** 0.5
-    return (scale * shaken).astype(np.float32), LAW_SHARE * power + rolled
+    return (scale * shaken).astype(np.float32), LAW_SHARE * power + DICE * rolled
