@@ -1,5 +1,6 @@
 """The other side of what explains most is fitted too."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -157,3 +158,31 @@ def test_another_place_is_no_other_side(other, stays):
     # where what was not fitted explains more, sides are not weighed yet
     more = Tried(other.proposal, 800.0, {})
     assert sides.weighed_by_passages([*tried, more]) == [*tried, more]
+
+
+@pytest.mark.parametrize(
+    ('cause', 'is_fitted', 'begun'),
+    [('guide_step', True, [1.2e-3]), ('guide_step', False, []), ('roller_flat', True, [])],
+)
+def test_a_bump_is_fitted_once_more_from_a_higher_one(monkeypatch, cause, is_fitted, begun):
+    """Of 1.5 mm on both sides 0.78 were left, where forces had more: from 1.18 it is 1.34 (development)."""
+    stage = SimpleNamespace(turned={'racking': 1.2})
+    fit = Polished('context', SimpleNamespace(stage=stage, model=None, fitted=None), (), ())
+    size = {'height_m': 8e-4, 'length_m': 0.05}
+    low = Proposal(cause, {'s_m': 9.09, 'side': 'both'}, size, 0.0, fitted=('height_m', '@s_m'))
+    done = []
+
+    def fitted_beside(context, _place, known, refined, turned, jobs):
+        assert (context, known, turned, jobs) == ('context', (), stage.turned, 2)
+        assert refined.proposal.parameters['length_m'] == 0.05
+        done.append(refined.proposal.parameters['height_m'])
+        return Tried(refined.proposal, 5e4, {}, fit)
+
+    monkeypatch.setattr(sides, 'fitted_beside', fitted_beside)
+    tried = [
+        Tried(replace(low, cause='roller_drag'), 9e4, {}),  # run, and not fitted
+        Tried(low, 4e4, {}, fit if is_fitted else None),
+    ]
+    found = sides.higher(None, (), tried, 2)
+    assert done == pytest.approx(begun)
+    assert [t.gain for t in found] == [5e4] * len(begun)

@@ -20,6 +20,7 @@ from escalator_twin.diagnosis.tried import Tried
 # what the first one did is not fitted. An argument, not measured: sides that can be taken for each other explain
 # about as much; of one flat spot and one soft link, named on the right side, the other explained 0.5 and 0.3.
 ALIKE = 0.6
+HIGHER = 1.5  # times the height of a bump that was fitted: where a fit begins again
 SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
 
 
@@ -72,6 +73,38 @@ def other_sides(
         }
     found = [fitted_beside(context, place, known, r, turned, jobs) for r in others.values()]
     return [t for t in found if t.polished is not None]
+
+
+def higher(
+    place: Beside, known: Sequence[Proposal], fitted: Sequence[Tried], jobs: int
+) -> list[Tried]:
+    """Fit the best once more from a higher bump, where it is one that is passed.
+
+    What rollers that leave their track do turns over with the height, and a low bump leaves fewer blows to be wrong of:
+    a fit that begins low stays there, with less explained.
+
+    Parameters
+    ----------
+    place : Beside
+        Without it.
+    known : sequence of Proposal
+        Effects.
+    fitted : sequence of Tried
+    jobs : int
+        Simulations at a time.
+    """
+    best = max((t for t in fitted if t.polished is not None), key=lambda t: t.gain, default=None)
+    if best is None or best.polished is None or best.proposal.cause not in PASSED:
+        return []
+    there = best.polished.place
+    key = best.proposal.fitted[0]
+    size = {**best.proposal.parameters, key: HIGHER * best.proposal.parameters[key]}
+    start = Refined(
+        replace(best.proposal, parameters=size), there.model, there.fitted, best.gain, best.sd,
+        np.empty((0, 0)), best.proposal.fitted,
+    )  # fmt: skip
+    found = fitted_beside(best.polished.context, place, known, start, there.stage.turned, jobs)
+    return [found] if found.polished is not None else []
 
 
 def weighed_by_passages(tried: Sequence[Tried]) -> list[Tried]:

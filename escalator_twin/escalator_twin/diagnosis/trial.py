@@ -29,7 +29,7 @@ from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
 from escalator_twin.diagnosis.shaken import weighed_for
-from escalator_twin.diagnosis.sides import other_sides, weighed_by_passages
+from escalator_twin.diagnosis.sides import higher, other_sides, weighed_by_passages
 from escalator_twin.diagnosis.stage import Shaken
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
@@ -109,6 +109,7 @@ def try_all(
             return max((p.gain for p in scored(stage, base, fitted, [proposal])), default=0.0)
 
         fitted_again += other_sides(place, known, refined, fitted_again, jobs, gain_of)
+        fitted_again += higher(place, known, fitted_again, jobs)
         if afar is not None:
             fitted_again += tried_from_afar(
                 context, afar, place, known, fitted_again, moving, jobs, worth
