@@ -156,8 +156,11 @@ def test_another_place_is_no_other_side(other, stays):
     found = sides.weighed_by_passages(tried)
     assert [t.gain for t in found] == ([700.0, 300.0] if stays else [700.0])
     # where what was not fitted explains more, sides are not weighed yet
-    more = Tried(other.proposal, 800.0, {})
+    more = Tried(replace(other.proposal, cause='roller_drag'), 800.0, {})
     assert sides.weighed_by_passages([*tried, more]) == [*tried, more]
+    # what was run alone of a side that was fitted is none, were it more
+    alone = Tried(tried[0].proposal, 800.0, {})
+    assert sides.weighed_by_passages([*tried, alone]) == found
 
 
 @pytest.mark.parametrize(

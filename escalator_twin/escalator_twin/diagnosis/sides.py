@@ -120,7 +120,8 @@ def weighed_by_passages(tried: Sequence[Tried]) -> list[Tried]:
     best = max(fitted, key=lambda t: t.gain, default=None)
     if best is None or best.proposal.cause not in PASSED:
         return list(tried)
-    if any(t.gain > best.gain for t in tried):
+    first_of_all = max(tried, key=lambda t: t.gain)
+    if not _is_at(first_of_all, best):
         return list(tried)
     leading = {best.proposal.location['side']: best}
     for one in sorted(fitted, key=lambda t: -t.gain):
@@ -136,15 +137,18 @@ def weighed_by_passages(tried: Sequence[Tried]) -> list[Tried]:
 
     def fair(one: Tried) -> Tried | None:
         side = one.proposal.location.get('side')
-        is_here = one.proposal.cause == best.proposal.cause and is_beside(
-            one.proposal, best.proposal
-        )
-        if not is_here or side not in most:
+        if not _is_at(one, best) or side not in most:
             return one
         # a side that was fitted is told by its best fit alone
         return replace(one, gain=most[side]) if one is leading[side] else None
 
     return [kept for one in tried if (kept := fair(one)) is not None]
+
+
+def _is_at(one: Tried, other: Tried) -> bool:
+    """Tell whether both are of one cause at one place, on whichever side."""
+    is_like = one.proposal.cause == other.proposal.cause
+    return is_like and is_beside(one.proposal, other.proposal)
 
 
 def _place_of(tried: Tried) -> Beside:
