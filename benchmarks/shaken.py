@@ -20,13 +20,13 @@ from escalator_twin.comparison.locate import locate
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.observation import observe
 from escalator_twin.diagnosis.preparation import prepare_tolerances
-from escalator_twin.diagnosis.shaken import NEXT_TO_NOTHING
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.machine import Deviation, load_machine, Machine
 from escalator_twin.signals import Floats
 
 DURATION_S = {0.25: 165.0, 0.5: 110.0}
+NEXT_TO_NOTHING = 0.02  # of its length, by which rollers that rattle roll their dice anew
 WINDOW = 11  # grid points over which power is averaged
 # Seed, speed (m/s), load (kg a step), preload (N), height (mm), side.
 CASES = (
@@ -102,7 +102,7 @@ def answers(row: tuple, out: Path, machine: Machine, jobs: int) -> Answers:
         return found
 
     ours = _run(stage, place.model, deviation, 1.0)
-    near = _run(stage, place.model, deviation, 1.0 + NEXT_TO_NOTHING[-1])
+    near = _run(stage, place.model, deviation, 1.0 + NEXT_TO_NOTHING)
     return Answers(
         z_of(with_bump.measured - stage.observation.measured), z_of(ours), z_of(near - ours)
     )

@@ -110,7 +110,7 @@ def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
         propose, attempt, lambda *_: None, lambda place, _: place, lambda *_: None, lambda *_: {},
         nearer,
     )  # fmt: skip
-    found = walk(SimpleNamespace(place=far, floor=None, shaken=None), bench=bench)
+    found = walk(SimpleNamespace(place=far, floor=None), bench=bench)
     assert searched == [far, near]
     assert asked == [far]
     assert found.found == ()

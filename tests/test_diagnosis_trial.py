@@ -34,7 +34,7 @@ class Left:
 
     @property
     def stage(self):
-        return SimpleNamespace(judged=lambda at: at.quiet, whole=lambda at: at.chi2)
+        return SimpleNamespace(judged=lambda fitted: fitted.quiet)
 
 
 @pytest.mark.parametrize(
@@ -317,7 +317,7 @@ def test_where_tolerances_ran_into_their_bounds_a_fit_begins_from_none_as_well(
     monkeypatch.setattr(fitting, 'JointFit', Fit)
     monkeypatch.setattr(trial, 'approached', lambda *_: ('led', {'a': 1.0}))
     monkeypatch.setattr(trial, 'fitted_beside', fitted_beside)
-    found = trial._fitted_all('context', place, [], [drag, other], 2, None)
+    found = trial._fitted_all('context', place, [], [drag, other], 2)
     assert [t.gain for t in found] == [gains[begun]] * 2
     assert done[-1] == (begun, 45)
     assert len(done) == fits
@@ -362,6 +362,5 @@ def test_sides_of_a_rails_step_are_weighed_by_passages_before_the_best_is_chosen
         return [both, replace(right, gain=950.0)]
 
     monkeypatch.setattr(trial, 'weighed_by_passages', weighed)
-    monkeypatch.setattr(trial, 'weighed_for', lambda *_: lambda _: (None, bench))
     found = trial.try_all(None, bench, (), [both.proposal], 1, None, lambda *_: True)
     assert [t.gain for t in found] == [950.0, 900.0]

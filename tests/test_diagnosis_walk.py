@@ -65,7 +65,7 @@ def walked(monkeypatch):
             lambda *_: {},
             regroup=regroup,
         )
-        whole = walk(SimpleNamespace(place=PLACE, floor=None, shaken=None), bench=bench)
+        whole = walk(SimpleNamespace(place=PLACE, floor=None), bench=bench)
         walk_with.last, walk_with.stages = whole.last, whole.stages
         return [f.proposal for f in whole.found]
 

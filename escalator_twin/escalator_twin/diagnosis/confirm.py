@@ -36,7 +36,6 @@ from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
 from escalator_twin.diagnosis.settling import led_whole, MOST_STEPS, settled, TREADS
-from escalator_twin.diagnosis.shaken import carried
 from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
@@ -124,8 +123,6 @@ def confirm_recording(
     ]
     own = [e for e in here if of_machine(e)]
     others = [e for e in here if not of_machine(e)]
-    plain_context, _ = carried(plain_context, before, own)
-    context = replace(context, shaken=plain_context.shaken)
 
     def free(place: Beside) -> Beside:
         return freed(place, others)

@@ -11,9 +11,8 @@ from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.loops import Begin, Frame, LOCAL, Origin
-from escalator_twin.diagnosis.nuisance import make_nuisance, Nuisance
+from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.observation import Observation, observe, on_grid
-from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.responses import (
     find_knobs,
@@ -21,7 +20,7 @@ from escalator_twin.diagnosis.responses import (
     RAIL,
     Responses,
 )
-from escalator_twin.diagnosis.stage import make_stage, run_beside, Shaken, Stage
+from escalator_twin.diagnosis.stage import make_stage, run_beside, Stage
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine
@@ -31,7 +30,6 @@ from escalator_twin.signals import Floats, Recording
 TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
 STEP_SHARES = (1.0, 0.4)
-SHAKEN = 'law/'  # before a number, the name of a column of `Shaken`
 FAR_TURNED = 0.7  # standard deviations from which a tolerance may act otherwise
 
 
@@ -78,8 +76,6 @@ class Context:
         Tolerances that hardly show in this recording: what they do is not taken anew.
     own : Own or None
         In the place of what ``responses`` says of tolerances.
-    shaken : Shaken or None
-        Of effects that act where rattling rollers shake a sensor.
     """
 
     recording: Recording
@@ -92,7 +88,6 @@ class Context:
     nominal: 'Nominal | None' = None
     weak: frozenset[str] = frozenset()
     own: Own | None = None
-    shaken: Shaken | None = None
 
     @property
     def frame(self) -> Frame:
@@ -117,15 +112,12 @@ class Beside:
         On the stage's grid.
     fitted : Fitted
         What it leaves, with the nuisance.
-    freed : tuple of Proposal
-        Effects of the measurement whose nuisance was freed, see `freed`.
     """
 
     stage: Stage
     judgement: Judgement
     model: Floats
     fitted: Fitted
-    freed: tuple[Proposal, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -207,43 +199,14 @@ def _aligned(
     observation = observe(setting, judgement, machine, context.frame, context.start_m)
     columns = {s.channel: i for i, s in enumerate(machine.instruments.sensors)}
     model = on_grid(trace, setting.experiment.set_speed_m_s, observation, columns)
-    stage = _stage_of(context, machine, observation, model, trace.rack_m)
-    stage = replace(stage, turned=dict(turned))
-    return Beside(stage, judgement, model, stage.fit(model))
-
-
-def weighed_anew(context: Context, place: Beside) -> Beside:
-    """Return a comparison with the nuisance and weights of a context; nothing is run or aligned anew.
-
-    Nuisance that was freed for an effect of the measurement is a good instrument's again.
-    """
-    old = place.stage
-    stage = _stage_of(context, old.machine, old.observation, place.model, old.rack_m)
-    stage = replace(stage, turned=old.turned)
-    return replace(place, stage=stage, fitted=stage.fit(place.model), freed=())
-
-
-def _stage_of(
-    context: Context, machine: Machine, observation: Observation, model: Floats, rack_m: float
-) -> Stage:
-    """Return the stage of an aligned observation, no tolerance turned."""
-    setting = context.setting
     own = {} if context.own is None else context.own.at(observation.index)
     nuisance = make_nuisance(observation, model, context.responses, machine, own)
     shares = shares_of(context, observation)
     noises = {f.channel: f.noise for f in setting.findings if f.noise > 1.0}
     whiten = make_whitener(observation, machine, context.floor, shares=shares, noises=noises)
-    shaken = None
-    if context.shaken is not None:
-        shaken = context.shaken.at(observation.index)
-        whiten = replace(whiten, mask=whiten.mask * shaken.weight)
-        names = tuple(f'{SHAKEN}{k}' for k in range(shaken.columns.shape[2]))
-        nuisance = Nuisance(
-            (*nuisance.names, *names),
-            np.concatenate([nuisance.columns, shaken.columns], axis=2),
-        )
-    stage = make_stage(machine, setting, observation, nuisance, whiten, rack_m)
-    return replace(stage, shaken=shaken)
+    stage = make_stage(machine, setting, observation, nuisance, whiten, trace.rack_m)
+    stage = replace(stage, turned=dict(turned))
+    return Beside(stage, judgement, model, stage.fit(model))
 
 
 def shares_of(context: Context, observation: Observation) -> Floats:

@@ -1,7 +1,7 @@
 """One recording's diagnosis, from the bag's signals to the numbers of contracts.md."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from escalator_twin.comparison.document import recording_document
@@ -135,7 +135,6 @@ def diagnose_recording(
     judgement = judge(context.setting, trace, machine)
     document = recording_document(recording, context.setting, judgement, machine)
     walked = walk(context, jobs, bench=bench, suggested=suggested)
-    context = replace(context, shaken=walked.shaken)
     if progress is not None:
         progress(9.0, STAGES)
     faults = tuple(faults_of(context.setting, machine))

@@ -15,7 +15,6 @@ from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import approach, polish, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
-from escalator_twin.diagnosis.shaken import carried
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.tuning import tuned
@@ -171,7 +170,6 @@ def fit_again(
     turned = place.stage.turned
     if not again:  # the tolerances were tuned to this machine
         return Polished(context, beside(context, steps=0, turned=turned), (), ())
-    context, place = carried(context, place, again, jobs)
     try:
         found = polish(
             context,

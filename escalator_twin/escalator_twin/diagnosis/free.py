@@ -32,8 +32,7 @@ def freed(place: Beside, effects: Sequence[Proposal]) -> Beside:
 
     names, columns = _widened(stage.nuisance.names, stage.white_nuisance, effects, extra)
     stage = replace(stage, nuisance=replace(stage.nuisance, names=names), white_nuisance=columns)
-    fitted = stage.fit(place.model)
-    return replace(place, stage=stage, fitted=fitted, freed=(*place.freed, *effects))
+    return replace(place, stage=stage, fitted=stage.fit(place.model))
 
 
 def _widened(

@@ -13,7 +13,6 @@ from escalator_twin.diagnosis.nuisance import CREEP
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.scores import HeldOut, scored, Seen, undecided
-from escalator_twin.diagnosis.shaken import own_law
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Machine
@@ -96,8 +95,7 @@ def hold_out(
     stood_for = tuple(e.nuisance for e in effects if e.nuisance and not of_machine(e))
     bounded = np.array([name.startswith(stood_for) for name in bare.nuisance.names], bool)
     slow = slow_of(bare, effects)
-    law = own_law(bare, effects)
-    seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow, law)
+    seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
     found = scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0), change)
     if len(folds) == 1 and not found.significant and not found.worse:
@@ -159,12 +157,11 @@ def _seen(
     sizes_known: bool,
     bounded: np.ndarray,
     slow: np.ndarray,
-    law: np.ndarray,
 ) -> list[Seen]:
     """Return every held-out block with what is left of the recording without and with effects.
 
     ``bounded`` tells which nuisance effects of the measurement stand for, ``slow`` which is settled
-    anew on what is held out, and ``law`` which there is beside the effects alone, (q,) each.
+    anew on what is held out, (q,) each.
     """
     n = len(stage.observation.index)
     guard = GUARD_PITCHES * stage.observation.frame.per_pitch
@@ -179,8 +176,7 @@ def _seen(
             keep[blocks[0][0] - guard :] = False
         whiten = _precise(stage, keep)
         columns = whiten(stage.nuisance.columns)
-        others = columns * ~law if law.any() else columns
-        alone = sizes_within(whiten(before[:, :, None])[:, 0], others, bounded)
+        alone = sizes_within(whiten(before[:, :, None])[:, 0], columns, bounded)
         white, one = whiten(residual[:, :, None])[:, 0], whiten(change[:, :, None])
         right, gram = inner_products(fit(white, columns), one)
         # of the wrong sign it is no gain, however well it fits

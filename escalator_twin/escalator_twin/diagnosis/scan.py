@@ -72,16 +72,11 @@ def best_as_run(
 
 
 def as_run(
-    stage: Stage,
-    fitted: Fitted,
-    variants: Iterable[Proposal],
-    jobs: int = 1,
-    before: float | None = None,
+    stage: Stage, fitted: Fitted, variants: Iterable[Proposal], jobs: int = 1
 ) -> list[Proposal]:
     """Return the variants that explain anything as they are, their sizes kept, in their order.
 
-    Parameters are those of `scored`, and ``before`` is the chi squared that they are counted from: that of
-    ``fitted`` where it is not given.
+    Parameters are those of `scored`.
     """
 
     def tried(one: Proposal) -> Proposal | None:
@@ -89,8 +84,7 @@ def as_run(
             after = stage.fit(stage.run((one.deviation,)))
         except EscalatorError:
             return None
-        level = stage.judged(fitted, one.cause) if before is None else before
-        gain = level - stage.judged(after, one.cause)
+        gain = stage.judged(fitted, one.cause) - stage.judged(after, one.cause)
         return replace(one, gain=gain) if gain > 0.0 else None
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:

@@ -39,8 +39,6 @@ class Search:
         Gain below which a proposal will not be simulated, by what is proposed already.
     excess : float
         Chi squared above a good machine's.
-    carried : callable, optional
-        Takes a proposal; returns stage and fit beside the law's error of what it does, see `carried`.
     """
 
     view: View
@@ -51,7 +49,6 @@ class Search:
     is_open: bool = True
     least: float = 0.0
     excess: float = inf
-    carried: Callable[[Proposal], tuple[Stage, Fitted]] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -67,13 +64,6 @@ class Search:
     def whiten(self) -> Whitener:
         """What weighs the signals."""
         return self.stage.whiten
-
-    def beside_law(self, proposal: Proposal) -> 'Search':
-        """Return the search whose weights hold the law's error of what a proposal does."""
-        if self.carried is None:
-            return self
-        stage, fitted = self.carried(proposal)
-        return replace(self, stage=stage, fitted=fitted)
 
     def among(self, channels: Sequence[int]) -> tuple[Fitted, Whitener]:
         """Return fit and whitener of some channels, for candidates that change no other.

@@ -62,17 +62,11 @@ def rail_steps(search: Search) -> Iterator[Proposal]:
     if search.is_open and max(explained, search.least / WORTH) < ENOUGH * search.excess:
         trials += tried(_all_round(bumps, starts))
     for found in _best_apart(trials, length):
-        best = _most(found)
-        there, before = search, search.stage.judged(search.fitted, best.cause)
-        if best.gain >= RAIL_OPEN:
-            there = search.beside_law(best)
         for side in (*SIDES, 'both'):
-            yield from _as_run(there, _on(found, side), before)
+            yield from _as_run(search, _on(found, side))
 
 
-def _as_run(
-    search: Search, found: Sequence[Proposal], before: float | None = None
-) -> list[Proposal]:
+def _as_run(search: Search, found: Sequence[Proposal]) -> list[Proposal]:
     """Return the bump that explains most as it is, of the best of every height, and the most promising one.
 
     A roller leaves its track by a bump of one height and stays on it by one a little lower; what a run says of
@@ -85,7 +79,7 @@ def _as_run(
     for one in sorted(found, key=lambda p: -p.gain):
         at.setdefault(_band(one.parameters['height_m']), one)
     some = [one for one in at.values() if one.gain >= RAIL_CLOSE * best.gain]
-    ran = as_run(search.stage, search.fitted, some, search.jobs, before)
+    ran = as_run(search.stage, search.fitted, some, search.jobs)
     if not ran:
         return [best]
     held = [one for one in ran if one.deviation == best.deviation and one.gain >= HELD * best.gain]

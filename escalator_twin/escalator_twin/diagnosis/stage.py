@@ -11,7 +11,6 @@ from escalator_twin.diagnosis.knobs import Knob, knobs_of, turn_all
 from escalator_twin.diagnosis.loops import alike, built, rack_shift
 from escalator_twin.diagnosis.nuisance import Nuisance, shifts
 from escalator_twin.diagnosis.observation import Observation, on_grid
-from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, Fitted, swapped
 from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Deviation, Machine
@@ -23,33 +22,6 @@ from escalator_twin.twin import run_twin
 
 LATENESS_STEP_S = 0.1  # of a course whose knots are further apart
 LARGEST = 2.5  # standard deviations that a tolerance is turned by; what is beyond is an effect's
-
-
-@dataclass(frozen=True)
-class Shaken:
-    """What effects do where rattling rollers shake a sensor, and how far the twin's law may be off there.
-
-    Attributes
-    ----------
-    index : (n,) int64
-        Grid points of the observation that it was run beside.
-    weight : (n, c) float32
-        By which the signals are weighed down, 0 to 1.
-    columns : (n, c, k) float32
-        By one standard deviation of how strong the twin has each effect there, SI.
-    effects : tuple of Proposal
-        Those that were run.
-    """
-
-    index: np.ndarray
-    weight: np.ndarray
-    columns: np.ndarray
-    effects: tuple[Proposal, ...]
-
-    def at(self, index: np.ndarray) -> 'Shaken':
-        """Return the same at other grid points: an alignment moves the ends by a few."""
-        rows = np.clip(index - self.index[0], 0, len(self.index) - 1)
-        return replace(self, index=index, weight=self.weight[rows], columns=self.columns[rows])
 
 
 @dataclass(frozen=True)
@@ -71,8 +43,6 @@ class Stage:
         Of the run that the recording was aligned with, see ``rack_shift``.
     added : (n, c) float64 or None
         To every run, on the observation's grid: see ``lean``.
-    shaken : Shaken or None
-        On the observation's grid: weights and nuisance hold it.
     """
 
     machine: Machine
@@ -85,7 +55,6 @@ class Stage:
     turned: dict[str, float]
     rack_m: float
     added: Floats | None = None
-    shaken: Shaken | None = None
 
     @property
     def machine_length(self) -> float:
@@ -217,20 +186,8 @@ class Stage:
     def judged(self, fitted: Fitted, cause: str | None = None) -> float:
         """Return the chi squared that a cause is judged by: of the channels that it acts on."""
         if cause in SHAKING:
-            return self.whole(fitted)
-        return self.level(fitted.left(), fitted.sizes + fitted.offset)
-
-    def whole(self, fitted: Fitted) -> float:
-        """Return chi squared of all channels, as it compares with that of a stage with other weights.
-
-        Of normal noise whose variance is larger by a factor here and there the logarithm of that counts:
-        without it, what is weighed least would be explained best.
-        """
-        if self.shaken is None:
             return fitted.chi2
-        in_band = len(self.whiten.weight) / len(self.observation.index)
-        logs = np.log(self.shaken.weight) * self.observation.valid
-        return fitted.chi2 - 2.0 * in_band * float(logs.sum())
+        return self.level(fitted.left(), fitted.sizes + fitted.offset)
 
     def level(self, left: np.ndarray, used: Floats) -> float:
         """Return chi squared in the channels that no rattling shakes.

@@ -1,6 +1,6 @@
 """Run the twin with what a search proposes, and fit the best of it together with the tolerances."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -28,9 +28,7 @@ from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
-from escalator_twin.diagnosis.shaken import weighed_for
-from escalator_twin.diagnosis.sides import higher, other_sides, weighed_by_passages
-from escalator_twin.diagnosis.stage import Shaken
+from escalator_twin.diagnosis.sides import other_sides, weighed_by_passages
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
@@ -76,7 +74,6 @@ def try_all(
     tried : list of Tried
         Best first.
     """
-    weighed = weighed_for(context, place, contenders, jobs)
     base, fitted = place.model, place.fitted
     stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
@@ -91,8 +88,11 @@ def try_all(
             own = [p for p in single if p.cause == cause]
             single = [p for p in single if p.cause != cause]
             single += [scan(stage, base, fitted, p, jobs) for p in own[:1]]
-        ran = pool.map(lambda p: _refined(place, weighed(p)[1], p), single)
-        first = [r for r in ran if r is not None]
+        first = [
+            r
+            for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
+            if r is not None
+        ]
         waves = pool.map(
             lambda pair: refine_drive(stage, base, fitted, pair[0], pair[1], jobs), waves_of
         )
@@ -101,15 +101,12 @@ def try_all(
         close = [r for r in refined if r.gain > CLOSE * refined[0].gain]
         leading = _first_of_places(best_wave_alone(close))[:2]
         leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
-        fitted_again = _fitted_all(
-            context, place, known, leading, jobs, lambda p: weighed(p)[0].shaken
-        )
+        fitted_again = _fitted_all(context, place, known, leading, jobs)
 
         def gain_of(proposal: Proposal) -> float:
             return max((p.gain for p in scored(stage, base, fitted, [proposal])), default=0.0)
 
         fitted_again += other_sides(place, known, refined, fitted_again, jobs, gain_of)
-        fitted_again += higher(place, known, fitted_again, jobs)
         if afar is not None:
             fitted_again += tried_from_afar(
                 context, afar, place, known, fitted_again, moving, jobs, worth
@@ -119,8 +116,8 @@ def try_all(
             unseen = [p for p in moving if CLOSE * p.gain > best]
             fitted_again += [_fitted_here(context, place, known, p, jobs, worth) for p in unseen]
     rest = [plain(r) for r in refined if all(r is not one for one in leading)]
-    fair = weighed_by_passages(fitted_again + rest)
-    tried = shared(place, locked(context, place, fair, jobs))
+    weighed = weighed_by_passages(fitted_again)
+    tried = shared(place, locked(context, place, weighed + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
     tried = _locked_better(known, tried, jobs)
     for farther in (from_far, from_other_frequencies):
@@ -131,18 +128,6 @@ def try_all(
     # what else was off had been taken for either lock's: by 12 of chi squared that were 2 once it was fitted
     again = sorted(locked(context, place, settled, jobs), key=lambda t: -t.gain)
     return _locked_better(known, again, jobs)
-
-
-def _refined(place: Beside, there: Beside, proposal: Proposal) -> Refined | None:
-    """Refine a proposal beside the law's error that it has; its gain counts from a place without."""
-    cause = proposal.cause
-    refined = refine(
-        there.stage.lean(there.model), there.model, there.fitted, proposal, FIRST_STEPS
-    )
-    if refined is None or there is place:
-        return refined
-    before, own = (p.stage.judged(p.fitted, cause) for p in (place, there))
-    return replace(refined, gain=refined.gain + before - own)
 
 
 def shared(place: Beside, tried: Sequence[Tried]) -> list[Tried]:
@@ -167,7 +152,7 @@ def shared(place: Beside, tried: Sequence[Tried]) -> list[Tried]:
 
 def _falls(place: Beside, polished: Polished) -> tuple[float, float]:
     """Return the fall of chi squared in the channels that no rattling shakes, and in the others."""
-    rows = [(p.stage.judged(p.fitted), p.stage.whole(p.fitted)) for p in (place, polished.place)]
+    rows = [(p.stage.judged(p.fitted), p.fitted.chi2) for p in (place, polished.place)]
     (before, whole_before), (after, whole_after) = rows
     return before - after, (whole_before - before) - (whole_after - after)
 
@@ -199,9 +184,8 @@ def _fitted_all(
     known: Sequence[Proposal],
     leading: Sequence[Refined],
     jobs: int,
-    law_of: Callable[[Proposal], Shaken | None],
 ) -> list[Tried]:
-    """Fit the leading causes, each from tolerances of its own, beside the law's error that it has.
+    """Fit the leading causes, each from tolerances of its own.
 
     Where all are of one link, axle or step, which hardly move the tolerances, they begin where these
     fit beside the first; where these had gone astray for want of it, from there or from none, as it fits the first.
@@ -220,20 +204,10 @@ def _fitted_all(
     # each with all jobs: one may end long before the other
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         rest = pool.map(
-            lambda r: fitted_beside(
-                _beside_law(context, r, law_of), place, known, r, turned, jobs
-            ),
+            lambda r: fitted_beside(context, place, known, r, turned, jobs),
             leading[len(fitted) :],
         )
         return [*fitted, *rest]
-
-
-def _beside_law(
-    context: Context, refined: Refined, law_of: Callable[[Proposal], Shaken | None]
-) -> Context:
-    if refined.proposal.cause not in PASSED:
-        return context
-    return replace(context, shaken=law_of(refined.proposal))
 
 
 def _fitted_here(

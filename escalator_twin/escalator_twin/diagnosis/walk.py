@@ -29,12 +29,9 @@ from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.hollows import out_of_hollow
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.regroup import regrouped
 from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
-from escalator_twin.diagnosis.shaken import carried
-from escalator_twin.diagnosis.stage import Shaken, Stage
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
@@ -97,10 +94,6 @@ class Walked:
         An effect of the last round that is no more than what an accepted law may leave.
     last : Round or None
         None where the walk ended with what it accepted.
-    stages : tuple of Beside
-        Before each effect was accepted; none where they are not known.
-    shaken : Shaken or None
-        The law's error that comparisons hold.
     """
 
     found: tuple[Found, ...]
@@ -110,7 +103,6 @@ class Walked:
     left: Found | None = None
     last: Round | None = None
     stages: tuple[Beside, ...] = ()
-    shaken: Shaken | None = None
 
 
 @dataclass(frozen=True)
@@ -282,8 +274,7 @@ def walk(
             break
     if len(stages) != len(found):
         stages = []
-    walked = Walked(tuple(found), before, place, tuple(weighed), left, last, tuple(stages))
-    return replace(walked, shaken=context.shaken)
+    return Walked(tuple(found), before, place, tuple(weighed), left, last, tuple(stages))
 
 
 def _regrouped(
@@ -389,14 +380,7 @@ def propose(context: Context, place: Beside, jobs: int) -> list[Proposal]:
     is_left = is_open(place, context.floor)
     stage = place.stage.lean(place.model)
     excess = sum(excess_of(place, context.floor, shaken) for shaken in (False, True))
-
-    def beside_law(proposal: Proposal) -> tuple[Stage, Fitted]:
-        _, there = carried(context, place, [proposal], jobs)
-        return there.stage.lean(there.model), there.fitted
-
-    search = Search(
-        view, place.fitted, stage, place.model, jobs, is_left, excess=excess, carried=beside_law
-    )
+    search = Search(view, place.fitted, stage, place.model, jobs, is_left, excess=excess)
     return search_all(search, FAMILIES, COSTLY)
 
 
