@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from rig.hidden import DURATION_S
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
 from scipy import ndimage
@@ -25,7 +26,6 @@ from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.machine import Deviation, load_machine, Machine
 from escalator_twin.signals import Floats
 
-DURATION_S = {0.25: 165.0, 0.5: 110.0}
 NEXT_TO_NOTHING = 0.02  # of its length, by which rollers that rattle roll their dice anew
 WINDOW = 11  # grid points over which power is averaged
 # Seed, speed (m/s), load (kg a step), preload (N), height (mm), side.

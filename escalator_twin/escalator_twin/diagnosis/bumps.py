@@ -15,6 +15,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import on_path
 from escalator_twin.diagnosis.regression import score_each
 from escalator_twin.diagnosis.search import Search, SIDES
+from escalator_twin.diagnosis.whitening import in_travel
 from escalator_twin.machine import Deviation
 from escalator_twin.signals import Floats
 
@@ -71,9 +72,8 @@ class Bumps:
         """Return the runs beside a search's residual; ``reach_m`` is how far one is read at most."""
         whiten, frame = search.whiten, search.view.observation.frame
         n, channels = search.model.shape
-        back = np.zeros((n, channels))
-        back[: len(whiten.weight)] = whiten.weight * search.fitted.left().reshape(-1, channels)
-        weighed = whiten.mask * fft.idct(back, axis=0, norm='ortho')
+        weighed_once = whiten.weight * search.fitted.left().reshape(-1, channels)
+        weighed = whiten.mask * in_travel(weighed_once, n)
         size = fft.next_fast_len(n + int(reach_m / frame.spacing_m) + 2, real=True)
         sides = weighed, mirrored(search, weighed)
         left, right = (fft.rfft(side, size, axis=0) for side in sides)

@@ -1,11 +1,10 @@
 """What remains of a recording, split by what it is locked to."""
 
 import numpy as np
-from scipy import fft
 
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.view import NO_PROBES, View
-from escalator_twin.diagnosis.whitening import frequencies
+from escalator_twin.diagnosis.whitening import frequencies, in_travel
 from escalator_twin.signals import Floats
 
 LINE_ORDERS = 0.03  # cycles per pitch that belong to a multiple of the pitch, on each side
@@ -15,11 +14,8 @@ TWICE = 0.25  # of a loop that must have come twice
 def in_time(place: Beside) -> Floats:
     """Return the whitened residual along the grid, nuisance taken out, (n, c)."""
     observation = place.stage.observation
-    left = place.fitted.left().astype(np.float64).reshape(-1, len(observation.channels))
-    whole = np.zeros((len(observation.index), left.shape[1]))
-    whole[: len(left)] = left
-    found: Floats = fft.idct(whole, axis=0, norm='ortho')
-    return found
+    left = place.fitted.left().reshape(-1, len(observation.channels))
+    return in_travel(left, len(observation.index))
 
 
 def comb_shares(place: Beside) -> Floats:

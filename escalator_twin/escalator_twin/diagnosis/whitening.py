@@ -47,17 +47,23 @@ class Whitener:
 
     def along(self, signals: Floats) -> Floats:
         """Return signals (n, c) along the grid, each frequency over its standard deviation."""
-        whole = np.zeros(signals.shape)
-        waves = self(signals[:, :, None])[:, 0].reshape(-1, signals.shape[1])
-        whole[: len(waves)] = waves
-        found: Floats = fft.idct(whole, axis=0, norm='ortho')
-        return found
+        return in_travel(
+            self(signals[:, :, None])[:, 0].reshape(-1, signals.shape[1]), len(signals)
+        )
 
     def low_pass(self, cut_hz: float, rate_hz: float) -> np.ndarray:
         """Return what lets waves through up to a frequency, (f,) float32."""
         f = frequencies(len(self.mask), rate_hz)
         gain: np.ndarray = (1.0 / (1.0 + (f / cut_hz) ** STEEPNESS)).astype(np.float32)
         return gain
+
+
+def in_travel(waves: np.ndarray, n: int) -> Floats:
+    """Return the signals along the grid, (n, c), whose first cosine coefficients these are, (f, c)."""
+    whole = np.zeros((n, waves.shape[1]))
+    whole[: len(waves)] = waves
+    found: Floats = fft.idct(whole, axis=0, norm='ortho')
+    return found
 
 
 def frequencies(n: int, rate_hz: float) -> Floats:
