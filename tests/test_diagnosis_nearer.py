@@ -1,5 +1,6 @@
-"""What tolerances explain without an effect is nothing that the effect explains."""
+"""What tolerances explain without an effect is not what the effect explains."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -26,9 +27,18 @@ class Level(SimpleNamespace):
     """A place, as far as it says what is left and which tolerances are turned."""
 
     @classmethod
-    def of(cls, left, turned=()):
-        stage = SimpleNamespace(turned=dict(turned), tolerances={SPRING: 0.02})
-        return cls(stage=stage, left=left)
+    def of(cls, left, turned=(), everywhere=None):
+        """Return one with ``left`` in the quiet channels, and ``everywhere`` in all of them."""
+
+        def judged(_fitted, cause=None):
+            return left if cause is None or everywhere is None else everywhere
+
+        stage = SimpleNamespace(turned=dict(turned), tolerances={SPRING: 0.02}, judged=judged)
+        return cls(stage=stage, fitted=None)
+
+
+def changed(one, **values):
+    return SimpleNamespace(**{**vars(one), **values})
 
 
 def fitted(effect, left):
@@ -55,22 +65,19 @@ def test_tolerances_that_take_most_without_the_effect_are_the_machines(
         seen.append(stage.turned)
         return without
 
-    monkeypatch.setattr(hollows, 'quiet_chi2', lambda place: place.left)
     monkeypatch.setattr(hollows, 'level_of', level_of)
-    monkeypatch.setattr(
-        hollows, 'replace', lambda one, **changed: SimpleNamespace(**{**vars(one), **changed})
-    )
+    monkeypatch.setattr(hollows, 'replace', changed)
     monkeypatch.setattr(hollows, 'with_own_tolerances', lambda *_: SimpleNamespace(place=None))
     monkeypatch.setattr(hollows, 'beside', lambda *_, turned, **__: Level.of(aligned, turned))
-    found = hollows.out_of_hollow(None, Level.of(14100.0), fitted(effect, with_it))
+    found = hollows.out_of_hollow(None, Level.of(14100.0), (), fitted(effect, with_it))
     assert (found is not None) == is_nearer
     own = (
         {SPRING: LARGEST} if effect is STIFF else {}
     )  # 4 tolerances, of which a good machine has 2.5
     assert all(turned == {'chain.mass': 1.1, **own} for turned in seen)
     if found is not None:
-        context, place = found
-        assert context.place is place
+        place = found.place
+        assert found.context.place is place
         assert place.stage.turned == {'chain.mass': 1.1, **own}
 
 
@@ -78,14 +85,57 @@ def test_tolerances_that_no_machine_runs_with_end_no_diagnosis(monkeypatch):
     def level_of(*_):
         raise EscalatorError('the simulation diverged')
 
-    monkeypatch.setattr(hollows, 'quiet_chi2', lambda place: place.left)
     monkeypatch.setattr(hollows, 'level_of', level_of)
     monkeypatch.setattr(hollows, 'replace', lambda *_, **__: None)
-    assert hollows.out_of_hollow(None, Level.of(14100.0), fitted(STEP, 11500.0)) is None
+    assert hollows.out_of_hollow(None, Level.of(14100.0), (), fitted(STEP, 11500.0)) is None
 
 
-def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
-    far, near = Level.of(14100.0), Level.of(11300.0)
+@pytest.mark.parametrize(
+    ('run', 'fitted_on', 'is_nearer'),
+    [
+        (15900.0, 15851.0, True),
+        (19900.0, 15851.0, False),  # run once, its tolerances take less than half without it
+        (15900.0, 19900.0, False),  # or do once what is known was fitted from there
+    ],
+)
+def test_so_are_those_beside_what_is_known(monkeypatch, run, fitted_on, is_nearer):
+    drag = Proposal('guide_drag', {'s_from_m': 9.2, 's_to_m': 11.8}, {'force_N': 50.0}, 193215.0)
+    tolerances, asked = {'chain.mass': 1.1}, []
+    # what the step gains is gained in a step's x and z alone: there it is judged
+    place, with_step, there, last = (
+        Level.of(11400.0, turned, left)
+        for turned, left in (({}, 21821.0), (tolerances, 15855.0), ({}, run), ({}, fitted_on))
+    )
+
+    class Fit:
+        def __init__(self, *_):
+            pass
+
+        def beside(self, effects, turned):
+            asked.append((effects, turned))
+            return there
+
+    def again(_context, near, known, _jobs):
+        asked.append((tuple(known), near.stage.turned))
+        return Polished('context', last, (drag,), ({},))
+
+    monkeypatch.setattr(hollows, 'JointFit', Fit)
+    monkeypatch.setattr(hollows, 'fit_again', again)
+    monkeypatch.setattr(hollows, 'freed', lambda place, _: place)
+    monkeypatch.setattr(
+        hollows,
+        'replace',
+        lambda one, **v: one if isinstance(one, Polished) else changed(one, **v),
+    )
+    tried = Tried(STEP, 5966.0, {}, Polished(None, with_step, (drag, STEP), ({}, {})))
+    found = hollows.out_of_hollow(None, place, [drag], tried)
+    assert (found is not None) == is_nearer
+    if found is not None:
+        assert found.place is last
+        assert asked == [((drag,), tolerances)] * 2
+
+
+def is_open_beside_all(monkeypatch):
     monkeypatch.setattr(module, 'freed', lambda place, _: place)
     monkeypatch.setattr(module, 'may_hide', lambda *_: False)
     monkeypatch.setattr(module, 'explained_by', lambda *_: 1.0)
@@ -93,6 +143,11 @@ def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
         'is_open': True, 'is_stretched': False, 'is_used_up': False, 'excess_of': 2e4, 'fell_by': 1e9,
     }.items():  # fmt: skip
         monkeypatch.setattr(bounds, name, lambda *_, __value=value: __value)
+
+
+def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
+    far, near = Level.of(14100.0), Level.of(11300.0)
+    is_open_beside_all(monkeypatch)
     asked, searched = [], []
 
     def propose(_context, place, _jobs):
@@ -102,9 +157,9 @@ def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
     def attempt(_context, _place, _known, chosen, *_):
         return [fitted(p, 12500.0) for p in chosen]
 
-    def nearer(context, place, _tried, _jobs):
-        asked.append(place)
-        return context, near
+    def nearer(context, place, known, _tried, _jobs):
+        asked.append((place, known))
+        return Polished(context, near, (), ())
 
     bench = Bench(
         propose, attempt, lambda *_: None, lambda place, _: place, lambda *_: None, lambda *_: {},
@@ -112,6 +167,50 @@ def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
     )  # fmt: skip
     found = walk(SimpleNamespace(place=far, floor=None), bench=bench)
     assert searched == [far, near]
-    assert asked == [far]
+    assert asked == [(far, [])]
     assert found.found == ()
     assert found.before is found.after is near
+
+
+def test_a_round_beside_what_is_known_begins_anew_too(monkeypatch):
+    is_open_beside_all(monkeypatch)
+    first, hollow, near = Level.of(2e5), Level.of(21821.0), Level.of(15851.0)
+    drag = Proposal(
+        'guide_drag', {'s_from_m': 9.2, 's_to_m': 11.8}, {'force_N': 49.0}, 193215.0,
+        fitted=('force_N',),
+    )  # fmt: skip
+    better = replace(drag, parameters={'force_N': 50.8})
+    beside_first = SimpleNamespace(place=first, floor=None)
+    searched, asked = [], []
+
+    def propose(_context, place, _jobs):
+        searched.append(place)
+        return [{id(first): drag, id(hollow): STEP, id(near): STIFF}[id(place)]]
+
+    def attempt(_context, place, known, chosen, *_):
+        if place is near:
+            return [Tried(replace(STIFF, parameters={'factor': 1.0}), 0.0, {})]
+        after = hollow if place is first else Level.of(15900.0)
+        return [
+            Tried(
+                p, p.gain, {}, Polished(beside_first, after, (*known, p), ({},) * (1 + len(known)))
+            )
+            for p in chosen
+        ]
+
+    def nearer(context, place, known, tried, _jobs):
+        asked.append((place, tuple(known), tried.proposal.cause))
+        return Polished(context, near, (better,), ({'force_N': 0.4},)) if known else None
+
+    bench = Bench(
+        propose, attempt, lambda *_: None, lambda place, _: place, lambda *_: None, lambda *_: {},
+        nearer,
+    )  # fmt: skip
+    found = walk(beside_first, bench=bench)
+    assert searched == [first, hollow, near]
+    assert asked == [(first, (), 'guide_drag'), (hollow, (drag,), 'guide_step')]
+    assert [f.proposal for f in found.found] == [better]
+    assert found.found[0].sd == {'force_N': 0.4}
+    assert found.before is first
+    assert found.after is near
+    assert 'guide_step' not in {w.proposal.cause for w in found.weighed}

@@ -137,7 +137,9 @@ class Bench:
     bare: Callable[[Beside, Sequence[Proposal]], Beside]
     decide: Callable[[Context, Proposal, Proposal | None], Further | None]
     begin: Callable[[Beside, Sequence[Proposal]], Mapping[str, float]]
-    nearer: Callable[[Context, Beside, Tried, int], tuple[Context, Beside] | None] | None = None
+    nearer: Callable[[Context, Beside, Sequence[Proposal], Tried, int], Polished | None] | None = (
+        None
+    )
     regroup: Callable[[Context, Beside, Sequence[Proposal], int], list[Proposal] | None] | None = (
         None
     )
@@ -180,8 +182,10 @@ def walk(
     left: Found | None = None
     last: Round | None = None
     stages: list[Beside] = []
-    is_first = not (start or suggested)
-    for _ in range(MOST_ROUNDS):
+    anew: set[int] = set()  # how many effects were known where a round began once more
+    done = 0
+    while done < MOST_ROUNDS + len(anew):
+        done += 1
         bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
         is_left = bounds.is_open or bounds.is_hidden
         if len(found) == MOST_EFFECTS or (found and not is_left):
@@ -233,13 +237,15 @@ def walk(
             break
         top = weighed[0]
         match = _match(top, tried)
-        if is_first and match is not None and bench.nearer is not None:
-            nearer = bench.nearer(context, place, match, jobs)
+        if match is not None and bench.nearer is not None and len(found) not in anew:
+            nearer = bench.nearer(context, place, known, match, jobs)
             if nearer is not None:  # once: the round begins anew beside it
-                is_first, (context, place) = False, nearer
-                before = place
+                anew.add(len(found))
+                context, place, found = nearer.context, nearer.place, refitted(found, nearer)
+                before = before if known else place
+                # what was weighed beside the other machine says nothing here
+                weighed, last = list(found[-1].rivals) if found else [], None
                 continue
-        is_first = False
         cause = top.proposal.cause
         if bounds.is_left_over(cause, top.gain):
             left = _left(weighed, tried)
