@@ -42,7 +42,8 @@ def changed(one, **values):
 
 
 def fitted(effect, left):
-    polished = Polished(None, Level.of(left, {'chain.mass': 1.1}), (effect,), ({},))
+    context = SimpleNamespace(floor=None)
+    polished = Polished(context, Level.of(left, {'chain.mass': 1.1}), (effect,), ({},))
     return Tried(effect, effect.gain, {}, polished)
 
 
@@ -152,29 +153,31 @@ def test_a_round_begins_anew_beside_the_nearer_machine_once(monkeypatch):
 
     def propose(_context, place, _jobs):
         searched.append(place)
-        return [STIFF] if place is far else []
+        return [STIFF] if place in (far, near) else []
 
     def attempt(_context, _place, _known, chosen, *_):
-        return [fitted(p, 12500.0) for p in chosen]
+        return [fitted(p, 9000.0) for p in chosen]
 
     def nearer(context, place, known, _tried, _jobs):
-        asked.append((place, known))
-        return Polished(context, near, (), ())
+        asked.append((place, list(known)))
+        return None if known else Polished(context, near, (), ())
 
     bench = Bench(
         propose, attempt, lambda *_: None, lambda place, _: place, lambda *_: None, lambda *_: {},
         nearer,
     )  # fmt: skip
     found = walk(SimpleNamespace(place=far, floor=None), bench=bench)
-    assert searched == [far, near]
+    assert searched[:2] == [far, near]
     assert asked == [(far, [])]
-    assert found.found == ()
-    assert found.before is found.after is near
+    assert [f.proposal for f in found.found] == [STIFF]
+    assert found.before is near
 
 
-def test_a_round_beside_what_is_known_begins_anew_too(monkeypatch):
+@pytest.mark.parametrize('is_over', [False, True])
+def test_a_round_beside_what_is_known_begins_anew_too(monkeypatch, is_over):
     is_open_beside_all(monkeypatch)
     first, hollow, near = Level.of(2e5), Level.of(21821.0), Level.of(15851.0)
+    monkeypatch.setattr(bounds, 'is_open', lambda place, *_: not (is_over and place is near))
     drag = Proposal(
         'guide_drag', {'s_from_m': 9.2, 's_to_m': 11.8}, {'force_N': 49.0}, 193215.0,
         fitted=('force_N',),
@@ -207,7 +210,7 @@ def test_a_round_beside_what_is_known_begins_anew_too(monkeypatch):
         nearer,
     )  # fmt: skip
     found = walk(beside_first, bench=bench)
-    assert searched == [first, hollow, near]
+    assert searched == [first, hollow] + ([] if is_over else [near])
     assert asked == [(first, (), 'guide_drag'), (hollow, (drag,), 'guide_step')]
     assert [f.proposal for f in found.found] == [better]
     assert found.found[0].sd == {'force_N': 0.4}
