@@ -116,12 +116,13 @@ def test_so_are_those_beside_what_is_known(monkeypatch, run, fitted_on, is_neare
             asked.append((effects, turned))
             return there
 
-    def again(_context, near, known, _jobs):
-        asked.append((tuple(known), near.stage.turned))
+    def fitted_on(_context, known, effects, turned, _jobs):
+        assert known == [drag]
+        asked.append((effects, turned))
         return Polished('context', last, (drag,), ({},))
 
     monkeypatch.setattr(hollows, 'JointFit', Fit)
-    monkeypatch.setattr(hollows, 'fit_again', again)
+    monkeypatch.setattr(hollows, 'fitted_on', fitted_on)
     monkeypatch.setattr(hollows, 'freed', lambda place, _: place)
     monkeypatch.setattr(
         hollows,

@@ -132,21 +132,37 @@ def fitted_near(known: Sequence[Proposal], tried: Tried, near: Polished, jobs: i
     jobs : int
         Simulations at a time.
     """
+    effects = [*near.effects[:-1], tried.proposal]
     try:
-        polished = polish(
-            near.context,
-            [*near.effects[:-1], tried.proposal],
-            near.place.stage.turned,
-            lambda p: freed(p, known),
-            jobs=jobs,
-            steps=STEPS_AT_LENGTH,
-            is_near=True,
-        )
+        polished = fitted_on(near.context, known, effects, near.place.stage.turned, jobs)
     except EscalatorError:
         return tried
-    spreads = tuple(with_rest(near.context, sd) for sd in polished.sd)
-    polished = replace(polished, sd=spreads)
-    return Tried(polished.effects[-1], tried.gain, spreads[-1], polished)
+    return Tried(polished.effects[-1], tried.gain, polished.sd[-1], polished)
+
+
+def fitted_on(
+    context: Context,
+    known: Sequence[Proposal],
+    effects: Sequence[Proposal],
+    turned: Mapping[str, float],
+    jobs: int = 1,
+) -> Polished:
+    """Fit effects of the machine from where the tolerances fit beside much the same ones.
+
+    ``known`` are all that are accepted, of machine and measurement.
+    """
+    if not effects:  # the tolerances fit already
+        return Polished(context, JointFit(context, (), None).beside((), turned), (), ())
+    polished = polish(
+        context,
+        effects,
+        turned,
+        lambda p: freed(p, known),
+        jobs=jobs,
+        steps=STEPS_AT_LENGTH,
+        is_near=True,
+    )
+    return replace(polished, sd=tuple(with_rest(context, sd) for sd in polished.sd))
 
 
 def fit_again(

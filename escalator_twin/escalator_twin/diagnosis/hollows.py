@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, beside, Context, with_own_tolerances
-from escalator_twin.diagnosis.fitting import fit_again
+from escalator_twin.diagnosis.fitting import fitted_on
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.polish import Polished
@@ -58,9 +58,11 @@ def out_of_hollow(
     if most >= now:
         return None
     turned = _turned(tried.proposal, tried.polished.place.stage)
-    find = _with_known if known else _within_tolerance
     try:
-        found = find(context, place, known, tried.polished, turned, most, jobs)
+        if known:
+            found = _with_known(known, tried.polished, turned, most, jobs)
+        else:
+            found = _within_tolerance(context, place, turned, most, jobs)
     except EscalatorError:  # no machine runs with these: what leads is judged as it is
         return None
     if found is None or found.place.stage.judged(found.place.fitted, cause) >= most:
@@ -69,9 +71,8 @@ def out_of_hollow(
 
 
 def _within_tolerance(
-    context: Context, place: Beside, _known: Sequence[Proposal], _polished: Polished,
-    turned: dict[str, float], most: float, jobs: int,
-) -> Polished | None:  # fmt: skip
+    context: Context, place: Beside, turned: dict[str, float], most: float, jobs: int
+) -> Polished | None:
     """Return the machine within tolerance with other tolerances, where these promise less than ``most``."""
     if level_of(place, replace(place.stage, turned=turned)) >= most:
         return None
@@ -81,17 +82,19 @@ def _within_tolerance(
 
 
 def _with_known(
-    context: Context, place: Beside, known: Sequence[Proposal], polished: Polished,
-    turned: dict[str, float], most: float, jobs: int,
-) -> Polished | None:  # fmt: skip
+    known: Sequence[Proposal],
+    polished: Polished,
+    turned: dict[str, float],
+    most: float,
+    jobs: int,
+) -> Polished | None:
     """Return the machine with what is known fitted from other tolerances, where these leave less than ``most``."""
     cause = polished.effects[-1].cause
     before = JointFit(polished.context, (), lambda p: freed(p, known))
     there = before.beside(polished.effects[:-1], turned)
     if there.stage.judged(there.fitted, cause) >= most:
         return None
-    near = replace(place, stage=replace(place.stage, turned=turned))
-    found = fit_again(context, near, known, jobs)
+    found = fitted_on(polished.context, known, polished.effects[:-1], turned, jobs)
     return replace(found, place=freed(found.place, known))
 
 
