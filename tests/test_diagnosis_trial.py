@@ -79,7 +79,12 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     fit = Polished(SimpleNamespace(floor=None), SimpleNamespace(), (first,), ({'x': 0.1},))
     monkeypatch.setattr(trial, 'is_open', lambda *_: is_open)
     monkeypatch.setattr(trial, 'excess_of', lambda *_: 1e3)
-    done = Polished(None, whole, (better,), ({'x': 0.2},))
+    stop = Proposal('tensioner_stop', {}, {'displacement_m': 7e-3}, 1e4)
+    done = Polished(None, whole, (stop, better), ({'displacement_m': 1e-5}, {'x': 0.2}))
+    # of where the carriage rests, which a length's tolerance moves by a millimetre
+    monkeypatch.setattr(
+        trial, 'with_rest', lambda _, sd: {k: v + 1e-3 * k.startswith('d') for k, v in sd.items()}
+    )
 
     def led_whole(_polished, _free, _jobs, worth_a_step, worth_a_turn, *_):
         # a twentieth of what is left, however much the effect explains
@@ -90,6 +95,9 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
     assert settled.proposal is (better if goes_on else first)
     assert settled.gain == (gain + 100.0 if goes_on else gain)
+    assert settled.polished.sd == (
+        ({'displacement_m': 1.01e-3}, {'x': 0.2}) if goes_on else ({'x': 0.1},)
+    )
 
 
 @dataclass(frozen=True)
