@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import bounds, hollows
+from escalator_twin.diagnosis import bounds, fitting, hollows
 from escalator_twin.diagnosis import walk as module
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -218,3 +218,21 @@ def test_a_round_beside_what_is_known_begins_anew_too(monkeypatch, is_over):
     assert found.before is first
     assert found.after is near
     assert 'guide_step' not in {w.proposal.cause for w in found.weighed}
+
+
+def test_beside_faults_of_the_measurement_alone_there_is_nothing_to_fit_on(monkeypatch):
+    gauge = Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.09}, 5e4)
+    there, tolerances = Level.of(15851.0), {'chain.mass': 1.1}
+
+    class Fit:
+        def __init__(self, *_):
+            pass
+
+        def beside(self, effects, turned):
+            assert (effects, turned) == ((), tolerances)
+            return there
+
+    monkeypatch.setattr(fitting, 'JointFit', Fit)
+    monkeypatch.setattr(fitting, 'polish', lambda *_, **__: pytest.fail('nothing to fit'))
+    found = fitting.fitted_on('context', [gauge], (), tolerances)
+    assert found == Polished('context', there, (), ())
