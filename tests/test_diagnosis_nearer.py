@@ -11,7 +11,8 @@ from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.walk import Bench, walk
+from escalator_twin.diagnosis.walk import walk
+from escalator_twin.diagnosis.walked import Bench
 from escalator_twin.errors import EscalatorError
 
 pytestmark = pytest.mark.issue(6)

@@ -11,7 +11,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.verdict import Weighed
-from escalator_twin.diagnosis.walk import Round, Walked
+from escalator_twin.diagnosis.walked import Round, Walked
 from escalator_twin.diagnosis.within import within_tolerance
 
 pytestmark = pytest.mark.issue(6)

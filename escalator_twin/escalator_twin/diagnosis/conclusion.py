@@ -11,7 +11,8 @@ from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
-from escalator_twin.diagnosis.walk import Bench, LINKED, refitted, Walked
+from escalator_twin.diagnosis.walk import LINKED, refitted
+from escalator_twin.diagnosis.walked import Bench, Walked
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Machine
 

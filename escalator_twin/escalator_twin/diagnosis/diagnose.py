@@ -31,7 +31,8 @@ from escalator_twin.diagnosis.telling import (
     would_change,
 )
 from escalator_twin.diagnosis.unexplained import look, NOT_JUDGED, Unexplained
-from escalator_twin.diagnosis.walk import Bench, LINKED, walk
+from escalator_twin.diagnosis.walk import LINKED, walk
+from escalator_twin.diagnosis.walked import Bench
 from escalator_twin.diagnosis.within import within_tolerance
 from escalator_twin.errors import NotYetError
 from escalator_twin.machine import Deviation, Machine, MultibodyMachine

@@ -25,7 +25,7 @@ from escalator_twin.diagnosis.verdict import (
     size_in_tolerances,
     Weighed,
 )
-from escalator_twin.diagnosis.walk import Walked
+from escalator_twin.diagnosis.walked import Walked
 
 # Of a value, beside that: one line of a frame's answer is as strong for a lighter frame, or a damped one,
 # that is further off; from recordings of development (seed 75001). A ripple's length was 3.8, 3.2 and 0.2 parts in

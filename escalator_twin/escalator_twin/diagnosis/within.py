@@ -12,7 +12,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, look, Unexplained
 from escalator_twin.diagnosis.verdict import EFFECT_TOLERANCES, size_in_tolerances, Weighed
-from escalator_twin.diagnosis.walk import Bench, Round, Walked
+from escalator_twin.diagnosis.walked import Bench, Round, Walked
 
 # Of chi squared above a good machine's: what accounts for less leaves more than a good machine has.
 LEAST = 0.5

@@ -32,7 +32,7 @@ from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.verdict import EFFECT_TOLERANCES, TOLERANCE_DOUBT
 from escalator_twin.diagnosis.view import NO_PROBES, View
-from escalator_twin.diagnosis.walk import Bench
+from escalator_twin.diagnosis.walked import Bench
 
 ONE_SIDED = ('tensioner_friction', 'handrail_drag', 'roller_drag')  # drag has one sign
 KEEP_PLACES = 2
