@@ -36,6 +36,9 @@ class Stage:
     def fit(self, model):
         return model
 
+    def lean(self, _model):
+        return self
+
     def fit_shifted(self, model, _before):
         return model
 
@@ -66,10 +69,35 @@ def test_a_spread_is_wider_where_chi_squared_rises_less(monkeypatch, chi2, below
     assert found.reach['factor'] == pytest.approx((below * SD, above * SD))
 
 
+def test_sizes_are_tried_beside_what_single_links_do_as_it_is(monkeypatch):
+    """None is run at length with the link's effect in it."""
+    link = Found(
+        Proposal('link_stiffness', {'link': 3}, {'factor': 0.6}, 9.0, fitted=('factor',)),
+        1.0, {'factor': SD}, 9.0, (),
+    )  # fmt: skip
+
+    class AtLength(Stage):
+        def lean(self, model):
+            assert model == 0.75
+            return Stage(self.chi2)
+
+        def run(self):
+            raise AssertionError('run at length')
+
+    monkeypatch.setattr(spread, 'without_own', lambda stage, _: stage)
+    monkeypatch.setattr(spread, 'apply', lambda _machine, deviations: deviations)
+    monkeypatch.setattr(spread, 'replace', replaced)
+    after = SimpleNamespace(stage=AtLength(lambda x: ((x - 0.75) / (2.0 * SD)) ** 2), model=0.75)
+    rows = [link, spring()]
+    kept, found = spread.with_reach(SimpleNamespace(machine=None), after, rows, 1)
+    assert kept is link
+    assert found.reach['factor'] == pytest.approx((2.0 * SD, 2.0 * SD))
+
+
 def replaced(thing, **changes):
     """Return a copy with changes, of a stage or of what was found."""
     if isinstance(thing, Stage):
-        return Stage(thing.chi2, changes['machine'])
+        return type(thing)(thing.chi2, changes['machine'])
     return Found(**{**thing.__dict__, **changes})
 
 
