@@ -10,6 +10,7 @@ import trials
 
 from escalator_twin.diagnosis.context import Context, with_own_tolerances
 from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import (
     all_probes,
@@ -25,6 +26,7 @@ from escalator_twin.diagnosis.loops import (
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.preparation import start_in
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.rails import draw_rails
 from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.diagnosis.stage import run_beside, Stage
@@ -97,6 +99,29 @@ def test_a_further_effect_does_the_same_beside_one_of_a_single_axle(further):
 def test_a_machine_of_like_links_is_lean_as_it_is():
     stage = stage_with(FRICTION)
     assert stage.lean(np.zeros(stage.observation.measured.shape)) is stage
+
+
+PRELOAD = Proposal('tensioner_preload', {}, {'factor': 1.25}, 0.0, fitted=('factor',))
+FRAME = Proposal(
+    'truss_resonance', {}, {'frequency_hz': 7.0, 'damping_ratio': 0.02, 'modal_mass_kg': 4500.0}, 0.0,
+    fitted=('frequency_hz', 'damping_ratio', 'modal_mass_kg'),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('effect', 'least', 'most'), [(PRELOAD, 0.0, 0.1), (FRAME, 0.5, 1.5)], ids=['preload', 'frame']
+)
+def test_slopes_are_taken_beside_a_soft_link(effect, least, most):
+    """Without it a run is one of a pitch; but where the pitch leaves a frame at rest, such a link excites it."""
+    soft = Proposal('link_stiffness', {'link': 3, 'side': 'left'}, {'factor': 0.6}, 0.0)
+    fit = JointFit(SimpleNamespace(machine=trials.prototype(), own=None), (), None)
+    beside, alone = (
+        fit.columns(SimpleNamespace(stage=stage, model=stage.run()), effects)
+        for effects in ((soft, effect), (effect,))
+        for stage in [stage_with(*(e.deviation for e in effects))]
+    )
+    for one, other in zip(beside.T, alone.T, strict=True):
+        assert least < np.linalg.norm(one - other) / np.linalg.norm(one) < most
 
 
 def alike(one, other, channels=FORCES):
