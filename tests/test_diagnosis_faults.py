@@ -109,6 +109,26 @@ def test_an_inverted_axis_and_exchanged_channels():
     assert (other.cause, other.location) == ('channel_swap', {'channels': [LEFT_A, RIGHT_B]})
 
 
+def test_where_plugs_are_exchanged_a_gauges_fault_is_told_of_its_link():
+    """The recorded channel holds the other link's gauges; what the channel lost stays its own."""
+    span = (0.0, 60.0)
+    found = [
+        Finding('gauge_dead', LEFT_A, *span, 'part 3 of 4 reads a constant', True),
+        Finding('mains_hum', RIGHT_B, *span, 'tone of 6e-6 at 50 Hz, mains of 50 Hz', True),
+        Finding('data_gap', LEFT_A, 10.0, 14.0, 'no samples', True),
+    ]
+    plain = {f.cause: f.location for f in told(found)}
+    swap = Finding('channel_swap', LEFT_A, *span, f'exchanged with {RIGHT_B}', True)
+    turned = {f.cause: f.location for f in told([*found, swap])}
+    assert plain['gauge_dead'] == {'link': 'left_a', 'gauge': 3}
+    assert turned['gauge_dead'] == {'link': 'right_b', 'gauge': 3}
+    assert (plain['mains_hum'], turned['mains_hum']) == (
+        {'links': ['right_b']},
+        {'links': ['left_a']},
+    )
+    assert plain['data_gap'] == turned['data_gap'] == {'channels': [LEFT_A]}
+
+
 def comparison(ppm, half):
     return ClockComparison('on_board', 'ground', 0.6, 0.5, 0.7, ppm, ppm - half, ppm + half)
 

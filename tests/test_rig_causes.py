@@ -14,7 +14,7 @@ from rig.draw import (
 )
 from rig.faults import FAULTS
 from rig.guide import lay_path, read_survey
-from rig.instruments import draw_instruments
+from rig.instruments import draw_instruments, LINKS
 from rig.machine import Case, SURVEY
 from rig.make import ALL_FAULTS, ALTERATIONS, apply_faults, Effect, header, make, Order, streams
 from rig.model import RECORD
@@ -243,6 +243,24 @@ def test_each_fault_of_the_measurement_changes_the_samples(cause, made):
         for before, after in zip(*series, strict=True)
     ]
     assert not all(same)
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_exchanged_plugs_take_a_gauges_creep_along_in_whatever_order_it_is_told(made, first):
+    """Creep of right_a's gauges is recorded as left_b's; outliers stay in the channel that they are told of."""
+    swap = Effect('channel_swap', {'channels': ['link_force/right_a', 'link_force/left_b']}, {})
+    creep = Effect('gauge_drift', {'link': 'right_a'}, {'strain': 1e-3})
+    outliers = Effect('sensor_spikes', {'channel': 'link_force/left_b'}, {'count': 5})
+    found = []
+    for further in ((), (creep,), (outliers,)):
+        order = Order(7, CASE, SHORT_S, (swap, *further) if first else (*further, swap))
+        rng = streams(order)
+        kit = draw_instruments(rng['instruments'])
+        found.append(apply_faults(made.rows, kit, order, Sheet(), rng)[0].strain)
+    plain, crept, spiked = found
+    for other in (crept, spiked):
+        changed = [LINKS[k] for k in range(len(LINKS)) if not np.array_equal(plain[k], other[k])]
+        assert changed == ['left_b']
 
 
 SCALES = {  # how far a parameter is from doing nothing, where that is not its value itself

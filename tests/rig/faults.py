@@ -19,6 +19,15 @@ SPIKE_DISPLACEMENT = (1e-3, 5e-3)  # m
 AXES = ('x', 'y', 'z')
 
 
+# Links' plugs are in the wrong sockets: after what is wrong at the gauges, before what channels lose.
+AFTER_THE_PLUGS = ('data_gap', 'sensor_spikes')
+
+
+def place_in_chain(cause: str) -> int:
+    """Return where a fault sits between gauge and recorder, by which faults of one recording are laid."""
+    return 1 if cause == 'channel_swap' else 2 if cause in AFTER_THE_PLUGS else 0
+
+
 def same_kit(kit: Instruments, _place: Place, _size: Size) -> Instruments:
     """Leave the instruments as they are."""
     return kit

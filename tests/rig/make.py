@@ -22,7 +22,7 @@ from rig.draw import (
     Wander,
     WANDER_STEP_S,
 )
-from rig.faults import FAULTS
+from rig.faults import FAULTS, place_in_chain
 from rig.instruments import draw_instruments, Instruments
 from rig.machine import Case
 from rig.model import Model, RECORD
@@ -152,7 +152,7 @@ def apply_faults(
     for effect in faults:
         kit = ALL_FAULTS[effect.cause].kit(kit, effect.location, effect.parameters)
     signals = sample(rows, kit, sheet, rng['noise'])
-    for effect in faults:
+    for effect in sorted(faults, key=lambda e: place_in_chain(e.cause)):
         signals = ALL_FAULTS[effect.cause].signals(
             signals, effect.location, effect.parameters, rng['effects']
         )

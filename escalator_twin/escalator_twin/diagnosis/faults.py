@@ -39,11 +39,12 @@ def faults_of(setting: Setting, machine: Machine) -> list[Fault]:
     machine : Machine
     """
     findings = list(setting.findings)
+    plugged = _plugged(findings)
     return [
-        *_dead(findings, machine),
+        *_dead(findings, machine, plugged),
         *_inverted(findings, machine),
         *_swapped(findings),
-        *_hum(findings, machine),
+        *_hum(findings, machine, plugged),
         *_gaps(findings),
         *_spikes(findings),
         *_clock(setting, machine),
@@ -59,12 +60,32 @@ def _number(pattern: str, text: str) -> float | None:
     return float(found.group(1)) if found else None
 
 
-def _dead(findings: Sequence[Finding], machine: Machine) -> list[Fault]:
+def _plugged(findings: Sequence[Finding]) -> dict[str, str]:
+    """Return of every exchanged channel the one whose gauges it holds.
+
+    Dead parts and tones are found in channels as they were recorded, before plugs are known to be exchanged;
+    their causes sit at a link's gauges, as its gain and creep do, which are told of channels put right.
+    """
+    pairs = [(f.channel, _other(f)) for f in _of(findings, 'channel_swap')]
+    known = [(one, other) for one, other in pairs if other is not None]
+    return dict(known) | {other: one for one, other in known}
+
+
+def _other(finding: Finding) -> str | None:
+    """Return the channel that an exchanged one holds."""
+    other = re.search(r'exchanged with (\S+)', finding.detail)
+    return other.group(1) if other else None
+
+
+def _dead(
+    findings: Sequence[Finding], machine: Machine, plugged: Mapping[str, str]
+) -> list[Fault]:
     faults = {}
     for finding in _of(findings, 'gauge_dead'):
         part = _number(r'part (\d+) of', finding.detail)
         if part is not None:
-            name = machine.instruments.sensor(finding.channel).name
+            channel = plugged.get(finding.channel, finding.channel)
+            name = machine.instruments.sensor(channel).name
             place: dict[str, object] = {'link': name, 'gauge': int(part)}
             faults[name, int(part)] = Fault('gauge_dead', place, {})
     return list(faults.values())
@@ -80,18 +101,18 @@ def _inverted(findings: Sequence[Finding], machine: Machine) -> list[Fault]:
 def _swapped(findings: Sequence[Finding]) -> list[Fault]:
     faults = []
     for finding in _of(findings, 'channel_swap'):
-        other = re.search(r'exchanged with (\S+)', finding.detail)
-        if other:
-            channels = [finding.channel, other.group(1)]
+        other = _other(finding)
+        if other is not None:
+            channels = [finding.channel, other]
             faults.append(Fault('channel_swap', {'channels': channels}, {}))
     return faults
 
 
-def _hum(findings: Sequence[Finding], machine: Machine) -> list[Fault]:
+def _hum(findings: Sequence[Finding], machine: Machine, plugged: Mapping[str, str]) -> list[Fault]:
     """Gather the links that hum at one frequency."""
     groups: dict[float, list[tuple[str, float]]] = {}
     for finding in _of(findings, 'mains_hum'):
-        sensor = machine.instruments.sensor(finding.channel)
+        sensor = machine.instruments.sensor(plugged.get(finding.channel, finding.channel))
         amplitude = _number(r'tone of (\S+)', finding.detail)
         mains = _number(r'mains of (\S+) Hz', finding.detail)
         if sensor.quantity == 'link_force' and amplitude is not None and mains is not None:
