@@ -8,6 +8,7 @@ import pytest
 
 from escalator_twin.check import quality
 from escalator_twin.check.clock import ClockComparison
+from escalator_twin.diagnosis.context import noises_of
 from escalator_twin.diagnosis.faults import faults_of
 from escalator_twin.signals import Finding
 
@@ -127,6 +128,15 @@ def test_where_plugs_are_exchanged_a_gauges_fault_is_told_of_its_link():
         {'links': ['left_a']},
     )
     assert plain['data_gap'] == turned['data_gap'] == {'channels': [LEFT_A]}
+
+
+def test_where_plugs_are_exchanged_a_repaired_gauges_noise_goes_where_its_signal_is_compared():
+    dead = Finding(
+        'gauge_dead', LEFT_A, 0.0, 60.0, 'part 3 of 4 reads a constant', True, noise=1.4
+    )
+    swap = Finding('channel_swap', LEFT_A, 0.0, 60.0, f'exchanged with {RIGHT_B}', True)
+    assert noises_of([dead]) == {LEFT_A: 1.4}
+    assert noises_of([dead, swap]) == {RIGHT_B: 1.4}
 
 
 def comparison(ppm, half):

@@ -84,3 +84,19 @@ def test_what_is_left_is_bridged_in_channels_with_outliers_alone():
     assert off[AT[0]] > 300.0
     rest = np.setdiff1d(np.arange(N), AT)
     assert (mended['spiky'].values[rest] == values[rest]).all()
+
+
+def test_what_is_left_is_bridged_where_an_exchanged_channels_signal_is():
+    time_s, force, noise = swinging()
+    values = force + noise
+    values[AT] += 400.0
+    valid = np.ones(N, dtype=bool)
+    tracks = {c: Timed(c, time_s, values, valid, RATE_HZ) for c in ('own', 'other')}
+    templates = SimpleNamespace(travel_m=time_s, columns=dict.fromkeys(tracks, force))
+    travel = SimpleNamespace(at=lambda t: t)
+    found = [Finding('sensor_spikes', 'own', 0.0, 80.0, '15 isolated outliers, the largest', True)]
+    right = {'own': 'other', 'other': 'own'}
+    mended, (told,) = bridge_left(tracks, templates, travel, found, right)
+    assert mended['own'] is tracks['own']
+    assert np.abs((mended['other'].values - force)[AT]).max() < 100.0
+    assert (told.channel, told.detail) == ('own', '20 isolated outliers, the largest')

@@ -9,6 +9,7 @@ from escalator_twin.check.clock import ClockComparison
 from escalator_twin.check.quality import quality
 from escalator_twin.comparison.assign import mend_by_model, turn_by_waves
 from escalator_twin.comparison.clocks import logger_clocks
+from escalator_twin.comparison.exchanged import exchanged
 from escalator_twin.comparison.mend import mend
 from escalator_twin.comparison.outliers import bridge_left
 from escalator_twin.errors import RecordingError, SynchronisationError
@@ -135,7 +136,7 @@ def locate(
     guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
     fit = fit_all(tracks, templates, guess, machine, comparisons)
     tracks, turned = turn_by_waves(tracks, templates, fit.travel, machine)
-    bridged, findings = bridge_left(tracks, templates, fit.travel, findings)
+    bridged, findings = bridge_left(tracks, templates, fit.travel, findings, exchanged(wrong))
     is_bridged = any(bridged[c] is not track for c, track in tracks.items())
     tracks = bridged
     if turned or is_bridged:

@@ -32,6 +32,7 @@ def bridge_left(
     templates: Templates,
     travel: Travel,
     findings: Sequence[Finding],
+    exchanged: Mapping[str, str] | None = None,
 ) -> tuple[dict[str, Timed], list[Finding]]:
     """Bridge what is left of outliers, in the channels where some were found.
 
@@ -42,6 +43,9 @@ def bridge_left(
     travel : Travel
         Of ``templates``, over reference time.
     findings : sequence of Finding
+        Of channels as they were recorded.
+    exchanged : mapping of channel to channel, optional
+        Where the signals of exchanged ones are now, see `exchanged.exchanged`.
 
     Returns
     -------
@@ -52,7 +56,8 @@ def bridge_left(
     """
     mended, told = dict(tracks), []
     for finding in findings:
-        channel, known = finding.channel, COUNT.match(finding.detail)
+        channel = (exchanged or {}).get(finding.channel, finding.channel)
+        known = COUNT.match(finding.detail)
         is_spiky = finding.kind == 'sensor_spikes' and finding.repaired and known is not None
         if is_spiky and channel in mended and channel in templates.columns:
             track = mended[channel]

@@ -1,11 +1,12 @@
 """One recording, placed in the loop and ready to be diagnosed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from escalator_twin.causes.application import apply
+from escalator_twin.comparison.exchanged import exchanged
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.floor import Floor
@@ -25,7 +26,7 @@ from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics.rollout import Trace
-from escalator_twin.signals import Floats, Recording
+from escalator_twin.signals import Finding, Floats, Recording
 
 TUNING = 3  # steps
 TUNED_SHARE = 0.02  # of chi squared: a step that gains less ends the tuning
@@ -202,11 +203,17 @@ def _aligned(
     own = {} if context.own is None else context.own.at(observation.index)
     nuisance = make_nuisance(observation, model, context.responses, machine, own)
     shares = shares_of(context, observation)
-    noises = {f.channel: f.noise for f in setting.findings if f.noise > 1.0}
+    noises = noises_of(setting.findings)
     whiten = make_whitener(observation, machine, context.floor, shares=shares, noises=noises)
     stage = make_stage(machine, setting, observation, nuisance, whiten, trace.rack_m)
     stage = replace(stage, turned=dict(turned))
     return Beside(stage, judgement, model, stage.fit(model))
+
+
+def noises_of(findings: Sequence[Finding]) -> dict[str, float]:
+    """Return the noise of repaired channels, times a sound one's, by where their signals are compared."""
+    right = exchanged(findings)
+    return {right.get(f.channel, f.channel): f.noise for f in findings if f.noise > 1.0}
 
 
 def shares_of(context: Context, observation: Observation) -> Floats:

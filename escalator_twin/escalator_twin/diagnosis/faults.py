@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import re
 
+from escalator_twin.comparison.exchanged import exchanged, other_of
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Finding
@@ -39,7 +40,7 @@ def faults_of(setting: Setting, machine: Machine) -> list[Fault]:
     machine : Machine
     """
     findings = list(setting.findings)
-    plugged = _plugged(findings)
+    plugged = exchanged(findings)
     return [
         *_dead(findings, machine, plugged),
         *_inverted(findings, machine),
@@ -58,23 +59,6 @@ def _of(findings: Sequence[Finding], kind: str) -> list[Finding]:
 def _number(pattern: str, text: str) -> float | None:
     found = re.search(pattern, text)
     return float(found.group(1)) if found else None
-
-
-def _plugged(findings: Sequence[Finding]) -> dict[str, str]:
-    """Return of every exchanged channel the one whose gauges it holds.
-
-    Dead parts and tones are found in channels as they were recorded, before plugs are known to be exchanged;
-    their causes sit at a link's gauges, as its gain and creep do, which are told of channels put right.
-    """
-    pairs = [(f.channel, _other(f)) for f in _of(findings, 'channel_swap')]
-    known = [(one, other) for one, other in pairs if other is not None]
-    return dict(known) | {other: one for one, other in known}
-
-
-def _other(finding: Finding) -> str | None:
-    """Return the channel that an exchanged one holds."""
-    other = re.search(r'exchanged with (\S+)', finding.detail)
-    return other.group(1) if other else None
 
 
 def _dead(
@@ -101,7 +85,7 @@ def _inverted(findings: Sequence[Finding], machine: Machine) -> list[Fault]:
 def _swapped(findings: Sequence[Finding]) -> list[Fault]:
     faults = []
     for finding in _of(findings, 'channel_swap'):
-        other = _other(finding)
+        other = other_of(finding)
         if other is not None:
             channels = [finding.channel, other]
             faults.append(Fault('channel_swap', {'channels': channels}, {}))
