@@ -35,7 +35,16 @@ ROLLER = Proposal(
     {'amplitude_m': 4e-4, 'phase_rad': 0.3, 'slip': 0.0}, 1e4,
     fitted=('amplitude_m', 'phase_rad', 'slip'),
 )  # fmt: skip
+FRAME = Proposal(
+    'truss_resonance', {},
+    {'frequency_hz': 5.7, 'damping_ratio': 0.03, 'modal_mass_kg': 5400.0}, 1e4,
+    fitted=('frequency_hz', 'damping_ratio', 'modal_mass_kg'),
+)  # fmt: skip
 GAUGE = Proposal('gauge_gain', {'link': 'left_a'}, {'factor': 1.1}, 900.0, fitted=('factor',))
+STEP = Proposal(
+    'guide_step', {'s_m': 17.7, 'side': 'right'}, {'height_m': 1.5e-3, 'length_m': 0.06}, 1e4,
+    fitted=('height_m', 'length_m', '@s_m'),
+)  # fmt: skip
 CASES = (Case(0.5, 1, 0.0, 3000.0), Case(0.5, -1, 75.0, 6000.0))
 SEED = 251198
 
@@ -60,6 +69,26 @@ def test_a_chain_is_as_long_as_it_is_hidden_from_far_off(contexts):
     assert found.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.05)
     assert max(abs(z) for z in found.turned.values()) <= 2.5
     assert not any(name.startswith('experiment.') for name in found.turned)
+
+
+@pytest.mark.slow
+def test_a_frame_is_as_heavy_as_it_is_hidden(tmp_path):
+    """What one speed says of its frequency another one says of its mass."""
+    machine, parts = trials.prototype(), []
+    hidden = {'frequency_hz': 5.62, 'damping_ratio': 0.02, 'modal_mass_kg': 4500.0}
+    cases = (Case(0.5, 1, 75.0, 3000.0), Case(0.25, -1, 0.0, 6000.0))
+    for k, case in enumerate(cases):
+        effects = (Effect('truss_resonance', {}, hidden),)
+        write(
+            make(Order(SEED + k, case, 60.0, effects, machine_seed=SEED)), tmp_path / str(k), None
+        )
+        recording = bagfile.read(tmp_path / str(k), machine)
+        parts.append(Part(prepare_tolerances(recording, machine, load_floor(machine)), (FRAME,)))
+    found = fit_together(parts, jobs=2, rounds=1)
+    print(found)
+    told = found.effects[0].parameters
+    assert told['modal_mass_kg'] == pytest.approx(4500.0, rel=0.1)
+    assert told['frequency_hz'] == pytest.approx(5.62, rel=0.02)
 
 
 @pytest.mark.slow
@@ -95,8 +124,19 @@ def told(length_m):
         ([[CHAIN], [], []], [], False),
         ([[LINK, GAUGE], [LINK, GAUGE]], ['link_elongation'], False),
         ([[GAUGE], [GAUGE]], [], False),
+        ([[FRAME], [FRAME]], ['truss_resonance'], True),
+        ([[STEP], [STEP]], ['guide_step'], False),
     ],
-    ids=['both', 'one recording', 'two of three', 'one of three', 'one link', 'an instrument'],
+    ids=[
+        'both',
+        'one recording',
+        'two of three',
+        'one of three',
+        'one link',
+        'an instrument',
+        'a frame',
+        "a rail's step",
+    ],
 )
 def test_what_several_searches_name_of_the_whole_machine_is_fitted_together(named, chosen, worth):
     scouts = [scout(*row) for row in named]

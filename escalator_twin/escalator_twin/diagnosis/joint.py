@@ -270,8 +270,12 @@ def first_few(
 
 def judged(place: Beside, effects: Sequence[Proposal]) -> float:
     """Return what a step is judged by: all channels that one of the effects acts on."""
-    shaking = next((e.cause for e in effects if e.cause in SHAKING), None)
-    return place.stage.judged(place.fitted, shaking)
+    return place.stage.judged(place.fitted, shaking_of(effects))
+
+
+def shaking_of(effects: Sequence[Proposal]) -> str | None:
+    """Return the cause of the first effect that acts on channels which rattling shakes, too."""
+    return next((e.cause for e in effects if e.cause in SHAKING), None)
 
 
 def _free(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]]:

@@ -18,8 +18,7 @@ from typing import TypeVar
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context, with_own_tolerances
-from escalator_twin.diagnosis.floor import SHAKING
-from escalator_twin.diagnosis.joint import Free, JointFit, moved_all
+from escalator_twin.diagnosis.joint import Free, JointFit, moved_all, shaking_of
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.normals import EFFECT, jackknife, Name, Normal, solve
 from escalator_twin.diagnosis.proposals import Proposal
@@ -32,6 +31,10 @@ OWN = 'experiment.'  # tolerances of what was set for one recording: preload and
 MOST_STEPS = 5  # of Gauss and Newton, before a far turn and after: time
 SHARES = (1.0, 0.4, 0.15)  # of a step that are tried
 SETTLED = 3.0  # chi squared: a step that gains less is the last one
+# What has a place of its own: what a rail's step does hangs on the short waves beside it, which each recording
+# tells in its own way. A frame bounces as one in all of them, and what one speed says of its frequency
+# another one says of its mass.
+PLACED = LOCAL | {'guide_step'}
 
 One = TypeVar('One')
 Other = TypeVar('Other')
@@ -83,7 +86,7 @@ class Shared:
 
 def is_shared(effect: Proposal) -> bool:
     """Tell whether an effect has one size in all recordings, and acts on the machine as a whole."""
-    return effect.cause not in LOCAL | SHAKING and bool(effect.fitted)
+    return effect.cause not in PLACED and bool(effect.fitted)
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class _Point:
     effects: tuple[Proposal, ...]
     turned: Mapping[Name, float]
     places: tuple[Beside, ...]
-    levels: tuple[float, ...]
+    levels: tuple[float, ...]  # by the channels that the effects act on
 
     @property
     def level(self) -> float:
@@ -172,7 +175,7 @@ class _Fit:
                 {key: abs(slope_of(e, key)) * spread[EFFECT, str(k), key] for key in e.fitted}
                 for k, e in enumerate(point.effects)
             ),
-            point.levels,
+            tuple(_quiet_level(place, point.effects) for place in point.places),
         )
 
     def run(self, point: _Point) -> _Point:
@@ -181,7 +184,7 @@ class _Fit:
         def beside(r: int) -> tuple[Beside, float]:
             place = point.fits[r].beside(point.of(r), _of_recording(point.turned, r))
             fitted, _ = _own_fit(place, point.effects)
-            return place, _level(place.stage, fitted)
+            return place, place.stage.judged(fitted, shaking_of(point.effects))
 
         rows = self.each(beside, range(len(point.fits)))
         places, levels = zip(*rows, strict=True)
@@ -245,7 +248,7 @@ class _Fit:
             total, normals = _squares(turned), []
             for r, line in enumerate(lines):
                 fitted = _trial(line, _of_recording(turned, r))
-                total += _level(line.stage, fitted)
+                total += line.stage.judged(fitted, shaking_of(point.effects))
                 normals.append(line.normal(fitted))
             return total - solve(normals, turned)[1]
 
@@ -281,8 +284,8 @@ def _own_fit(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[i
     return place.fitted.keeping(np.array(own)), shared
 
 
-def _level(stage: Stage, fitted: Fitted) -> float:
-    return stage.level(fitted.left(), fitted.sizes + fitted.offset)
+def _quiet_level(place: Beside, effects: Sequence[Proposal]) -> float:
+    return place.stage.judged(_own_fit(place, effects)[0])
 
 
 def _line(r: int, point: _Point) -> _Line:
