@@ -18,9 +18,10 @@ from escalator_twin.diagnosis.campaign import decide, union_of
 from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.shared import fit_together, Part, Shared
+from escalator_twin.diagnosis.shared import fit_together, mean_turned, Part, Shared
 from escalator_twin.errors import RecordingError
 
 pytestmark = pytest.mark.issue(7)
@@ -72,6 +73,16 @@ def test_a_chain_is_as_long_as_it_is_hidden_from_far_off(contexts):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize('z', [2.5, -2.5])
+def test_where_the_searches_are_astray_it_begins_with_no_tolerance(contexts, z):
+    astray = {
+        knob.name: z for knob in knobs_of(trials.prototype(), contexts[0].setting.experiment)
+    }
+    found = fit_together([Part(c, (CHAIN,), turned=astray) for c in contexts], jobs=2, rounds=1)
+    assert found.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.05)
+
+
+@pytest.mark.slow
 def test_a_frame_is_as_heavy_as_it_is_hidden(tmp_path):
     """What one speed says of its frequency another one says of its mass."""
     machine, parts = trials.prototype(), []
@@ -107,8 +118,10 @@ def found_of(proposal, sd=1.0, probability=0.99):
     return Found(proposal, probability, {proposal.fitted[0]: sd}, 500.0, ())
 
 
-def scout(*effects, level=1e4):
-    return SimpleNamespace(found=tuple((found_of(e, 1e-5), 0.99) for e in effects), level=level)
+def scout(*effects, level=1e4, turned=None):
+    return SimpleNamespace(
+        found=tuple((found_of(e, 1e-5), 0.99) for e in effects), level=level, turned=turned or {}
+    )
 
 
 def told(length_m):
@@ -183,6 +196,34 @@ def test_the_fit_begins_at_the_mean_and_is_no_surer_than_it(monkeypatch, spread)
     )
     assert told_sd >= 1e-5  # of two that are 2e-5 off their mean
     assert told_sd == pytest.approx(spread) or spread != 5e-5
+
+
+def test_the_fit_begins_with_the_mean_of_the_searches_tolerances():
+    preload = replace(CHAIN, cause='tensioner_preload', nuisance='experiment.preload_n')
+    ways = [
+        {'chain.mass_per_pitch_kg': 2.0, 'experiment.load': 1.0, 'experiment.preload_n': 2.5},
+        {'chain.mass_per_pitch_kg': -1.0, 'experiment.load': -2.0},
+        {},  # was not searched
+    ]
+    parts = [Part(None, (CHAIN, preload), turned=turned) for turned in ways]
+    assert mean_turned(parts) == {
+        ('chain.mass_per_pitch_kg',): pytest.approx(0.5),
+        ('experiment.load', '0'): 1.0,
+        ('experiment.load', '1'): -2.0,
+    }
+    assert mean_turned([Part(None, (CHAIN,))]) == {}
+
+
+def test_every_recording_brings_the_tolerances_of_its_search(monkeypatch):
+    asked = []
+    monkeypatch.setattr(together, 'fit_together', lambda parts, _: asked.extend(parts) or sized())
+    scouts = [scout(CHAIN, turned={'chain.mass': 0.5}), scout(CHAIN, turned={'chain.mass': 1.5})]
+    together.fitted_together(['a', 'b', 'c'], [*scouts, None], union_of(scouts))
+    assert [part.turned for part in asked] == [{'chain.mass': 0.5}, {'chain.mass': 1.5}, {}]
+
+
+def sized():
+    return Shared((CHAIN,), {}, ({'length_m': 1e-6},), (1e4, 1e4, 1e4))
 
 
 def test_where_one_machine_leaves_more_than_the_searches_it_is_not_taken(monkeypatch):

@@ -1,6 +1,6 @@
 """One recording's diagnosis, from the bag's signals to the numbers of contracts.md."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,6 +73,8 @@ class Diagnosis:
         See `Walked`.
     level : float
         Chi squared beside all that was found, in the channels that no rattling shakes.
+    turned : mapping of tolerance to float
+        Where the tolerances are beside all that was found, standard deviations.
     is_placed : bool
         Without a certain place in the loop nothing of the machine was sought.
     """
@@ -90,6 +92,7 @@ class Diagnosis:
     rolled: Rolled | None = None
     left: Found | None = None
     level: float = 0.0
+    turned: Mapping[str, float] = field(default_factory=dict)
     is_placed: bool = True
 
 
@@ -164,6 +167,7 @@ def diagnose_recording(
         else None,
         walked.left,
         quiet_chi2(walked.after),
+        walked.after.stage.turned,
     )
 
 

@@ -12,7 +12,7 @@ projected out (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -54,12 +54,15 @@ class Part:
         More of the machine, whose numbers stay: of one link, axle or step, waves of the drive.
     free : callable or None
         Frees the nuisance that effects of the measurement stand for.
+    turned : mapping of tolerance to float
+        Where the recording by itself has the tolerances, standard deviations; empty where that is not known.
     """
 
     context: Context
     effects: tuple[Proposal, ...]
     own: tuple[Proposal, ...] = ()
     free: Free | None = None
+    turned: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,11 @@ class _Fit:
             tuple(fits), tuple(part.own for part in parts), parts[0].effects, {}, (), ()
         )
         point = self.run(start)
+        mean = mean_turned(parts)
+        if mean:
+            other = self.taken_anew(replace(point, turned=mean))
+            if other.level < point.level:
+                point = other
         point, lines = self.descend(point)
         for kick in KICKS[:rounds]:
             turned = self.kicked(point, lines, kick)
@@ -263,6 +271,30 @@ def _with_rails(part: Part) -> JointFit:
     """Return a recording's fit with what tolerances and rail do beside its effects."""
     deviations = tuple(e.deviation for e in (*part.effects, *part.own))
     return JointFit(with_own_tolerances(part.context, deviations), (), part.free)
+
+
+def mean_turned(parts: Sequence[Part]) -> dict[Name, float]:
+    """Return the tolerances as recordings by themselves have them: the machine's by their mean.
+
+    Each by itself ended in a hollow of its own; their mean is nearer than no tolerance at all. What an effect
+    stands for is in its size.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+
+    Returns
+    -------
+    turned : mapping of name to float
+        Standard deviations; of what was set for one recording, its own. Empty where none is known.
+    """
+    stood_for = {e.nuisance for part in parts for e in (*part.effects, *part.own)}
+    found: dict[Name, list[float]] = {}
+    for r, part in enumerate(parts):
+        for tolerance, z in part.turned.items():
+            if tolerance not in stood_for:
+                found.setdefault(_unknown(tolerance, r), []).append(z)
+    return {name: float(np.mean(ways)) for name, ways in found.items()}
 
 
 def _of_recording(turned: Mapping[Name, float], r: int) -> dict[str, float]:

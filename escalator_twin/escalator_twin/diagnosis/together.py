@@ -96,7 +96,13 @@ def fitted_together(
     effects = tuple(known[k].proposal for k in sized)
     faults = [g[0][0].proposal for g in groups if len(g) == len(searched)]
     parts = [
-        Part(context, effects, own_of(scout, others), partial(_free, measured_in(scout, faults)))
+        Part(
+            context,
+            effects,
+            own_of(scout, others),
+            partial(_free, measured_in(scout, faults)),
+            scout.turned if scout else {},
+        )
         for context, scout in zip(contexts, scouts, strict=True)
     ]
     try:
