@@ -13,12 +13,11 @@ from rig.make import Effect, make, Order, write
 import trials
 
 from escalator_twin import bagfile, campaign
-from escalator_twin.diagnosis import together
+from escalator_twin.diagnosis import shared, together
 from escalator_twin.diagnosis.campaign import decide, union_of
 from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found
-from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.shared import fit_together, mean_turned, Part, Shared
@@ -70,16 +69,6 @@ def test_a_chain_is_as_long_as_it_is_hidden_from_far_off(contexts):
     assert found.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.05)
     assert max(abs(z) for z in found.turned.values()) <= 2.5
     assert not any(name.startswith('experiment.') for name in found.turned)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('z', [2.5, -2.5])
-def test_where_the_searches_are_astray_it_begins_with_no_tolerance(contexts, z):
-    astray = {
-        knob.name: z for knob in knobs_of(trials.prototype(), contexts[0].setting.experiment)
-    }
-    found = fit_together([Part(c, (CHAIN,), turned=astray) for c in contexts], jobs=2, rounds=1)
-    assert found.effects[0].parameters['length_m'] == pytest.approx(LONGER_M, rel=0.05)
 
 
 @pytest.mark.slow
@@ -212,6 +201,33 @@ def test_the_fit_begins_with_the_mean_of_the_searches_tolerances():
         ('experiment.load', '1'): -2.0,
     }
     assert mean_turned([Part(None, (CHAIN,))]) == {}
+
+
+@pytest.mark.parametrize(
+    ('none', 'mean', 'from_mean'),
+    # before and after a first step
+    [((900.0, 700.0), (500.0, 400.0), True), ((900.0, 300.0), (500.0, 400.0), False)],
+)
+def test_it_goes_on_from_where_a_first_step_leads_lower(none, mean, from_mean):
+    asked = []
+
+    class Steps(shared._Fit):
+        def taken_anew(self, point):
+            return replace(point, levels=(mean[0],))
+
+        def descend(self, point, most=shared.MOST_STEPS, is_anew=True):
+            asked.append((point.level, most, is_anew))
+            after = {none[0]: none[1], mean[0]: mean[1]}
+            return replace(point, levels=(after.get(point.levels[0], point.levels[0]),)), []
+
+    start = shared._Point((), (), (CHAIN,), {}, (), (none[0],))
+    point, _ = Steps(None).begun(start, {('chain.mass',): 0.0})
+    assert asked[:2] == [(none[0], 1, True), (mean[0], 1, True)]
+    assert asked[2:] == [(mean[1] if from_mean else none[1], shared.MOST_STEPS - 1, False)]
+    assert point.turned == ({('chain.mass',): 0.0} if from_mean else {})
+    asked.clear()
+    Steps(None).begun(start, {})
+    assert [row[0] for row in asked] == [none[0], none[1]]
 
 
 def test_every_recording_brings_the_tolerances_of_its_search(monkeypatch):

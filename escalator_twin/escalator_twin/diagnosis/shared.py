@@ -161,13 +161,7 @@ class _Fit:
         start = _Point(
             tuple(fits), tuple(part.own for part in parts), parts[0].effects, {}, (), ()
         )
-        point = self.run(start)
-        mean = mean_turned(parts)
-        if mean:
-            other = self.taken_anew(replace(point, turned=mean))
-            if other.level < point.level:
-                point = other
-        point, lines = self.descend(point)
+        point, lines = self.begun(self.run(start), mean_turned(parts))
         for kick in KICKS[:rounds]:
             turned = self.kicked(point, lines, kick)
             if turned is None:
@@ -198,11 +192,25 @@ class _Fit:
         places, levels = zip(*rows, strict=True)
         return replace(point, places=places, levels=levels)
 
-    def descend(self, point: _Point) -> tuple[_Point, list[_Line]]:
-        """Step down by slopes; return where that ends, and what the unknowns do about there."""
+    def begun(self, point: _Point, mean: Mapping[Name, float]) -> tuple[_Point, list[_Line]]:
+        """Step down from no tolerance, or from those of the searches where a first step leads lower from there."""
+        starts = [point]
+        if mean:
+            starts.append(self.taken_anew(replace(point, turned=mean)))
+        first = [self.descend(start, most=1) for start in starts]
+        point, _ = min(first, key=lambda row: row[0].level)
+        return self.descend(point, MOST_STEPS - 1, is_anew=False)
+
+    def descend(
+        self, point: _Point, most: int = MOST_STEPS, is_anew: bool = True
+    ) -> tuple[_Point, list[_Line]]:
+        """Step down by slopes; return where that ends, and what the unknowns do about there.
+
+        ``is_anew``: what every tolerance does was taken where the first step begins.
+        """
         lines: list[_Line] = []
-        for k in range(MOST_STEPS):
-            if k:
+        for k in range(most):
+            if k or not is_anew:
                 point = self.taken_anew(point)
             lines = self.each(_line, range(len(point.places)), [point] * len(point.places))
             trial = self.step(point, lines)
