@@ -12,6 +12,7 @@ projected out (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -26,6 +27,7 @@ from escalator_twin.diagnosis.refine import slope_of
 from escalator_twin.diagnosis.regression import Fitted, inner_products, swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tuning import KICKS, WORTH_A_ROUND
+from escalator_twin.errors import EscalatorError
 
 OWN = 'experiment.'  # tolerances of what was set for one recording: preload and load
 MOST_STEPS = 5  # of Gauss and Newton, before a far turn and after: time
@@ -196,7 +198,8 @@ class _Fit:
         """Step down from no tolerance, or from those of the searches where a first step leads lower from there."""
         starts = [point]
         if mean:
-            starts.append(self.taken_anew(replace(point, turned=mean)))
+            with suppress(EscalatorError):  # each of them was run, their mean was not
+                starts.append(self.taken_anew(replace(point, turned=mean)))
         first = [self.descend(start, most=1) for start in starts]
         point, _ = min(first, key=lambda row: row[0].level)
         return self.descend(point, MOST_STEPS - 1, is_anew=False)
