@@ -5,8 +5,9 @@ from math import inf
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis.normals import EFFECT, jackknife, Normal, solve
+from escalator_twin.diagnosis.normals import jackknife, Normal, solve
 from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.unknowns import EFFECT
 
 pytestmark = pytest.mark.issue(7)
 

@@ -4,33 +4,27 @@ The recordings are made by the generator (synthetic), whose machine has toleranc
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
-from pools import stand_in
 import pytest
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
+from searches import CHAIN, LINK, LONGER_M, scout, told
 import trials
 
-from escalator_twin import bagfile, campaign
+from escalator_twin import bagfile
 from escalator_twin.diagnosis import shared, together
 from escalator_twin.diagnosis.campaign import decide, union_of
 from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.floor import load_floor
-from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.shared import fit_together, mean_turned, Part, Shared
+from escalator_twin.diagnosis.shared import fit_together, Part, Shared
+from escalator_twin.diagnosis.unknowns import mean_of
 from escalator_twin.errors import RecordingError
 
 pytestmark = pytest.mark.issue(7)
 
-LONGER_M, TOLD_M = 1.5e-4, 1.9e-4  # hidden; where the fit begins
-CHAIN = Proposal(
-    'chain_elongation', {'side': 'both'}, {'length_m': TOLD_M}, 1e4, fitted=('length_m',)
-)
-LINK = Proposal('link_elongation', {'link': 12}, {'length_m': 3e-3}, 1e4, fitted=('length_m',))
 ROLLER = Proposal(
     'roller_eccentricity', {'axle': 41, 'side': 'left'},
     {'amplitude_m': 4e-4, 'phase_rad': 0.3, 'slip': 0.0}, 1e4,
@@ -108,20 +102,6 @@ def test_another_recording_begins_from_the_tolerances_that_others_have(contexts)
     assert not confirmed.unexplained.significant
 
 
-def found_of(proposal, sd=1.0, probability=0.99):
-    return Found(proposal, probability, {proposal.fitted[0]: sd}, 500.0, ())
-
-
-def scout(*effects, level=1e4, turned=None):
-    return SimpleNamespace(
-        found=tuple((found_of(e, 1e-5), 0.99) for e in effects), level=level, turned=turned or {}
-    )
-
-
-def told(length_m):
-    return replace(CHAIN, parameters={'length_m': length_m})
-
-
 @pytest.mark.parametrize(
     ('named', 'chosen', 'worth'),
     [
@@ -193,19 +173,40 @@ def test_the_fit_begins_at_the_mean_and_is_no_surer_than_it(monkeypatch, spread)
 
 
 def test_the_fit_begins_with_the_mean_of_the_searches_tolerances():
-    preload = replace(CHAIN, cause='tensioner_preload', nuisance='experiment.preload_n')
     ways = [
         {'chain.mass_per_pitch_kg': 2.0, 'experiment.load': 1.0, 'experiment.preload_n': 2.5},
         {'chain.mass_per_pitch_kg': -1.0, 'experiment.load': -2.0},
         {},  # was not searched
     ]
-    parts = [Part(None, (CHAIN, preload), turned=turned) for turned in ways]
-    assert mean_turned(parts) == {
+    assert mean_of(ways, {'experiment.preload_n', 'None'}) == {
         ('chain.mass_per_pitch_kg',): pytest.approx(0.5),
         ('experiment.load', '0'): 1.0,
         ('experiment.load', '1'): -2.0,
     }
-    assert mean_turned([Part(None, (CHAIN,))]) == {}
+    assert mean_of([{}], ()) == {}
+
+
+def test_what_effects_stand_for_is_no_tolerance_that_it_begins_with(monkeypatch):
+    monkeypatch.setattr(shared, '_with_rails', lambda part: part)
+
+    class BegunError(Exception):
+        """The fit has its beginning."""
+
+    class Beginning(shared._Fit):
+        each = staticmethod(map)
+
+        def run(self, point):
+            return point
+
+        def begun(self, _, mean):
+            raise BegunError(mean)
+
+    spring = replace(CHAIN, cause='tensioner_stiffness', nuisance='tensioner.stiffness')
+    drive = replace(CHAIN, cause='drive_stiffness', nuisance='drive.stiffness')
+    turned = {'tensioner.stiffness': 2.0, 'drive.stiffness': 1.0, 'chain.mass': 0.5}
+    with pytest.raises(BegunError) as told_by:
+        Beginning(None).found([Part(None, (CHAIN, spring), (drive,), None, turned)], 1)
+    assert told_by.value.args[0] == {('chain.mass',): 0.5}
 
 
 @pytest.mark.parametrize(
@@ -279,126 +280,3 @@ def test_the_one_fits_size_is_told_where_all_beside_which_it_was_made_are_accept
     assert not found.holds(
         [j for j in accepted if j.found.proposal.cause != 'link_elongation'], groups
     )
-
-
-@pytest.mark.parametrize('is_taken', [True, False])
-def test_all_others_are_put_beside_the_one_fit_where_there_is_one(monkeypatch, is_taken):
-    sized = together.Together(
-        {0: (told(1.5e-4), {'length_m': 1e-6})}, frozenset({0}), {'chain.mass': 0.4}
-    )
-    asked = []
-
-    class EnoughError(Exception):
-        """All were asked."""
-
-    def search(path, **_):
-        found = () if path == 'b' else ((found_of(CHAIN, 1e-5), 0.99),)
-        return SimpleNamespace(found=found, left=None, rolled=None, is_placed=True)
-
-    def fit(paths, _machine, _scouts, _groups, jobs):
-        asked.append((paths, jobs))
-        return sized if is_taken else None
-
-    def confirm(path, effects, seed, shared, **_):
-        asked.append((path, effects[0].parameters['length_m'], seed, shared))
-        return SimpleNamespace(effects=tuple(effects), sd=({'length_m': 1e-5},), rolled=None)
-
-    def decide_with(*_, **__):
-        raise EnoughError
-
-    stand_in(
-        monkeypatch, diagnose_bag=search, fit_bags=fit, confirm_bag=confirm, decide=decide_with
-    )
-    with pytest.raises(EnoughError):
-        campaign.diagnose_together(['a', 'b'], 'machine.yaml', seed=7, jobs=3)
-    size, turned = (1.5e-4, {'chain.mass': 0.4}) if is_taken else (TOLD_M, None)
-    assert asked == [(['a', 'b'], 3), ('b', size, 7, turned)]
-
-
-class Asked:
-    """Stands for `campaign.Work`: writes down what is asked for."""
-
-    def __init__(self, names, is_open):
-        self.names, self.is_open, self.asked = names, is_open, []
-        self.paths, self.total = list('abcdef'), 1.0
-
-    def search(self, some, suggested):
-        if some:
-            self.asked.append(('search', list(some), [e.cause for e in suggested]))
-        return {k: SimpleNamespace(found=scout(*self.names[k]).found, left=None) for k in some}
-
-    def fit(self, some, scouts, groups):
-        self.asked.append(('fit', list(some), list(scouts), len(groups)))
-        return None, frozenset(some)
-
-    def confirm(self, some, groups, _):
-        self.asked.append(('confirm', list(some), len(groups)))
-        return {k: SimpleNamespace(is_open=k in self.is_open) for k in some}
-
-
-FIRST = [('search', [0, 1], [])]
-CLOSED = [('fit', [0, 1, 2, 3], [0, 1], 1), ('confirm', [2, 3], 1)]
-CAUSE = [CHAIN.cause]
-
-
-@pytest.mark.parametrize(
-    ('second', 'is_open', 'expected'),
-    [
-        ([CHAIN], [], [*CLOSED, ('confirm', [4, 5], 1)]),
-        (
-            [CHAIN], [3, 4],
-            [
-                *CLOSED, ('search', [3], CAUSE), ('fit', [0, 1, 2, 3], [0, 1, 3], 2),
-                ('confirm', [2, 4, 5], 2),
-            ],
-        ),
-        (
-            [], [],
-            [('search', [2, 3], []), ('fit', [0, 1, 2, 3], [0, 1, 2, 3], 2), ('confirm', [4, 5], 2)],
-        ),
-    ],
-    ids=['nothing is open', 'one is open', 'the first do not agree'],
-)  # fmt: skip
-def test_the_later_are_searched_where_the_first_leave_something_open(second, is_open, expected):
-    work = Asked([[CHAIN], second, [CHAIN], [CHAIN, LINK]], is_open)
-    looked = campaign.look_together(work, [0, 1, 2, 3])
-    assert work.asked == [*FIRST, *expected]
-    assert sorted([*looked.scouts, *looked.confirmed]) == list(range(6))
-    assert looked.fitted == frozenset(range(4))
-
-
-def test_of_a_machine_of_free_bodies_every_recording_is_searched():
-    """Its tolerances and effects are put beside a recording by its own search alone."""
-    work = Asked([[CHAIN], [CHAIN], [], [CHAIN], [CHAIN], [CHAIN]], [])
-    looked = campaign.search_all(work)
-    assert work.asked == [*FIRST, ('search', [2, 3, 4, 5], CAUSE)]
-    assert list(looked.scouts) == list(range(6))
-    assert (looked.together, dict(looked.confirmed)) == (None, {})
-
-
-def test_such_a_machines_searches_are_asked_for_nothing_more(monkeypatch):
-    class EnoughError(Exception):
-        """The searches are done."""
-
-    def search(path, **_):
-        found = () if path == 'b' else ((found_of(CHAIN, 1e-5), 0.99),)
-        return SimpleNamespace(found=found, left=None, rolled=None, is_placed=True)
-
-    def never(*_, **__):
-        raise AssertionError
-
-    def decide_with(*_, **__):
-        raise EnoughError
-
-    stand_in(
-        monkeypatch,
-        load_machine=campaign.load_machine,
-        law_of=campaign.law_of,
-        diagnose_bag=search,
-        fit_bags=never,
-        confirm_bag=never,
-        decide=decide_with,
-    )
-    kwon = str(trials.ROOT / 'config' / 'machines' / 'kwon.yaml')
-    with pytest.raises(EnoughError):
-        campaign.diagnose_together(['a', 'b'], kwon)

@@ -7,11 +7,8 @@ from math import inf
 import numpy as np
 
 from escalator_twin.diagnosis.regression import inverse
+from escalator_twin.diagnosis.unknowns import EFFECT, Name
 from escalator_twin.signals import Floats
-
-EFFECT = 'effect'  # begins the name of an effect's number
-
-Name = tuple[str, ...]  # of an unknown
 
 
 @dataclass(frozen=True)

@@ -21,15 +21,15 @@ import numpy as np
 from escalator_twin.diagnosis.context import Beside, Context, with_own_tolerances
 from escalator_twin.diagnosis.joint import Free, JointFit, moved_all, shaking_of
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.normals import EFFECT, jackknife, Name, Normal, solve
+from escalator_twin.diagnosis.normals import jackknife, Normal, solve
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import slope_of
 from escalator_twin.diagnosis.regression import Fitted, inner_products, swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tuning import KICKS, WORTH_A_ROUND
+from escalator_twin.diagnosis.unknowns import EFFECT, mean_of, Name, name_of, of_recording
 from escalator_twin.errors import EscalatorError
 
-OWN = 'experiment.'  # tolerances of what was set for one recording: preload and load
 MOST_STEPS = 5  # of Gauss and Newton, before a far turn and after: time
 SHARES = (1.0, 0.4, 0.15)  # of a step that are tried
 SETTLED = 3.0  # chi squared: a step that gains less is the last one
@@ -163,7 +163,9 @@ class _Fit:
         start = _Point(
             tuple(fits), tuple(part.own for part in parts), parts[0].effects, {}, (), ()
         )
-        point, lines = self.begun(self.run(start), mean_turned(parts))
+        stood_for = {str(e.nuisance) for r in range(len(parts)) for e in start.of(r)}
+        mean = mean_of([part.turned for part in parts], stood_for)
+        point, lines = self.begun(self.run(start), mean)
         for kick in KICKS[:rounds]:
             turned = self.kicked(point, lines, kick)
             if turned is None:
@@ -186,7 +188,7 @@ class _Fit:
         """Run every recording's machine, and align and fit what is its own."""
 
         def beside(r: int) -> tuple[Beside, float]:
-            place = point.fits[r].beside(point.of(r), _of_recording(point.turned, r))
+            place = point.fits[r].beside(point.of(r), of_recording(point.turned, r))
             fitted, _ = _own_fit(place, point.effects)
             return place, place.stage.judged(fitted, shaking_of(point.effects))
 
@@ -232,7 +234,7 @@ class _Fit:
             context = with_own_tolerances(
                 one.context,
                 one.deviations(point.of(r)),
-                turned=_of_recording(point.turned, r),
+                turned=of_recording(point.turned, r),
                 with_rails=False,
             )
             return replace(one, context=context)
@@ -266,7 +268,7 @@ class _Fit:
             turned: dict[Name, float] = {**point.turned, **way}
             total, normals = _squares(turned), []
             for r, line in enumerate(lines):
-                fitted = _trial(line, _of_recording(turned, r))
+                fitted = _trial(line, of_recording(turned, r))
                 total += line.stage.judged(fitted, shaking_of(point.effects))
                 normals.append(line.normal(fitted))
             return total - solve(normals, turned)[1]
@@ -282,35 +284,6 @@ def _with_rails(part: Part) -> JointFit:
     """Return a recording's fit with what tolerances and rail do beside its effects."""
     deviations = tuple(e.deviation for e in (*part.effects, *part.own))
     return JointFit(with_own_tolerances(part.context, deviations), (), part.free)
-
-
-def mean_turned(parts: Sequence[Part]) -> dict[Name, float]:
-    """Return the tolerances as recordings by themselves have them: the machine's by their mean.
-
-    Each by itself ended in a hollow of its own; their mean is nearer than no tolerance at all. What an effect
-    stands for is in its size.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-
-    Returns
-    -------
-    turned : mapping of name to float
-        Standard deviations; of what was set for one recording, its own. Empty where none is known.
-    """
-    stood_for = {e.nuisance for part in parts for e in (*part.effects, *part.own)}
-    found: dict[Name, list[float]] = {}
-    for r, part in enumerate(parts):
-        for tolerance, z in part.turned.items():
-            if tolerance not in stood_for:
-                found.setdefault(_unknown(tolerance, r), []).append(z)
-    return {name: float(np.mean(ways)) for name, ways in found.items()}
-
-
-def _of_recording(turned: Mapping[Name, float], r: int) -> dict[str, float]:
-    """Return the tolerances as one recording has them."""
-    return {name[0]: z for name, z in turned.items() if name[1:] in ((), (str(r),))}
 
 
 def _squares(turned: Mapping[Name, float]) -> float:
@@ -340,15 +313,11 @@ def _line(r: int, point: _Point) -> _Line:
     at = [k for k in at if place.stage.nuisance.names[k] not in sided]
     names = [
         *((EFFECT, str(k), key) for k, e in enumerate(point.effects) for key in e.fitted),
-        *(_unknown(name, r) for name in sided),
-        *(_unknown(place.stage.nuisance.names[k], r) for k in at),
+        *(name_of(name, r) for name in sided),
+        *(name_of(place.stage.nuisance.names[k], r) for k in at),
     ]
     white = np.concatenate([columns, place.fitted.columns[:, at]], axis=1)
     return _Line(place.stage.lean(place.model), fitted, white, tuple(names))
-
-
-def _unknown(tolerance: str, r: int) -> Name:
-    return (tolerance, str(r)) if tolerance.startswith(OWN) else (tolerance,)
 
 
 def _trial(line: _Line, turned: Mapping[str, float]) -> Fitted:
