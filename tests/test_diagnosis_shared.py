@@ -12,14 +12,15 @@ from searches import CHAIN, LINK, LONGER_M, scout, told
 import trials
 
 from escalator_twin import bagfile
-from escalator_twin.diagnosis import shared, together
+from escalator_twin.diagnosis import points, shared, together
 from escalator_twin.diagnosis.campaign import decide, union_of
 from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.joint import JointFit
+from escalator_twin.diagnosis.points import Part, Point
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.shared import fit_together, Part, Shared
+from escalator_twin.diagnosis.shared import fit_together, Shared
 from escalator_twin.diagnosis.unknowns import mean_of
 from escalator_twin.errors import RecordingError
 
@@ -187,7 +188,7 @@ def test_the_fit_begins_with_the_mean_of_the_searches_tolerances():
 
 
 def test_what_effects_stand_for_is_no_tolerance_that_it_begins_with(monkeypatch):
-    monkeypatch.setattr(shared, '_with_rails', lambda part: part)
+    monkeypatch.setattr(points, '_with_rails', lambda part: part)
 
     class BegunError(Exception):
         """The fit has its beginning."""
@@ -223,6 +224,9 @@ def test_it_goes_on_from_where_a_first_step_leads_lower(none, mean, from_mean):
     asked = []
 
     class Steps(shared._Fit):
+        def run(self, point):
+            return point
+
         def taken_anew(self, point):
             if mean is None:
                 raise RecordingError('the chain has left its guide')
@@ -233,7 +237,7 @@ def test_it_goes_on_from_where_a_first_step_leads_lower(none, mean, from_mean):
             after = dict([none, *([mean] if mean else [])])
             return replace(point, levels=(after.get(point.levels[0], point.levels[0]),)), []
 
-    start = shared._Point((), (), (CHAIN,), {}, (), (none[0],))
+    start = Point((), (), (CHAIN,), {}, (), (none[0],))
     point, _ = Steps(None).begun(start, {('chain.mass',): 0.0})
     first = [(row[0], 1, True) for row in (none, mean) if row]
     there = mean[1] if from_mean else none[1]

@@ -27,7 +27,9 @@ from escalator_twin.diagnosis.fitting import MOVES_RESONANCE, with_rest
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
-from escalator_twin.diagnosis.polish import increments, polish
+from escalator_twin.diagnosis.joint import Free
+from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.polish import increments, polish, polish_whole, Polished
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -35,7 +37,14 @@ from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
-from escalator_twin.diagnosis.settling import led_whole, MOST_STEPS, settled, TREADS
+from escalator_twin.diagnosis.settling import (
+    led_whole,
+    MOST_STEPS,
+    owned,
+    settled,
+    TREADS,
+    WORTH_A_STEP,
+)
 from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
@@ -48,6 +57,8 @@ from escalator_twin.signals import Recording
 from escalator_twin.threads import one_thread_each
 
 QUARTER = 0.5 * pi
+# Of a fit from other recordings' tolerances, with effects of single links in the runs; a turn far off was made there.
+LOCAL_STEPS = 3
 
 
 @dataclass(frozen=True)
@@ -127,16 +138,16 @@ def confirm_recording(
     def free(place: Beside) -> Beside:
         return freed(place, others)
 
-    near = _beside_shared(context, own, shared) if own and shared else None
-    if near is not None and not is_open(near[1], context.floor):
-        context, after = near
-    elif own:
-        context, after = _by_itself(context, own, plain_context, before)
-        if near is not None and quiet_chi2(near[1]) < quiet_chi2(after):
-            context, after = near
+    near = _beside_shared(context, own, shared, free) if own and shared else None
+    if near is not None and _fits(near, own, before):
+        found = near
     else:
-        context, after = plain_context, before
-    found = led_whole(settled(context, after, own, free), free)
+        tolerant, after = plain_context, before
+        if own:
+            tolerant, after = _by_itself(context, own, plain_context, before)
+        is_nearer = near is not None and quiet_chi2(near.place) < quiet_chi2(after)
+        found = near if near and is_nearer else settled(tolerant, after, own, free)
+        found = led_whole(found, free)
     context, after = found.context, found.place
     again = iter(found.effects)
     here = [replace(e, parameters=next(again).parameters) if of_machine(e) else e for e in here]
@@ -177,14 +188,33 @@ def _unplaced(
 
 
 def _beside_shared(
-    context: Context, effects: Sequence[Proposal], shared: Mapping[str, float]
-) -> tuple[Context, Beside]:
-    """Return the machine with effects, its tolerances fitted from where other recordings have them."""
+    context: Context, effects: Sequence[Proposal], shared: Mapping[str, float], free: Free
+) -> Polished:
+    """Return the machine with effects, its tolerances fitted from where other recordings have them.
+
+    What of treads is each recording's own is fitted with them. Beside effects of single links what tolerances do is
+    run with these: what it is without them leads elsewhere.
+    """
     deviations = tuple(e.deviation for e in effects)
     near = with_own_tolerances(context, deviations, turned=shared)
-    fixed = [replace(e, fitted=()) for e in effects]
-    found = polish(near, fixed, shared, steps=MOST_STEPS, is_near=True)
-    return found.context, found.place
+    if not _is_local(effects):
+        return polish(near, owned(effects), shared, free, steps=MOST_STEPS, is_near=True)
+    place = polish(near, owned(effects), shared, free, steps=0, is_near=True)
+    return polish_whole(place, free, worth=WORTH_A_STEP, steps=LOCAL_STEPS)
+
+
+def _fits(near: Polished, effects: Sequence[Proposal], before: Beside) -> bool:
+    """Tell whether a recording needs no other tolerances than those that others have led to.
+
+    Beside effects of single links, whose runs take long, it is enough that it fits better than without effects.
+    """
+    if not is_open(near.place, near.context.floor):
+        return True
+    return _is_local(effects) and quiet_chi2(near.place) < quiet_chi2(before)
+
+
+def _is_local(effects: Sequence[Proposal]) -> bool:
+    return any(e.cause in LOCAL for e in effects)
 
 
 def _by_itself(

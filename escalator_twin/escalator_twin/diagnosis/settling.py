@@ -50,10 +50,15 @@ def settled(
     Polished
         Whose effects have nothing left to be fitted but what is each recording's own.
     """
-    own = tuple(replace(e, fitted=OWN if e.cause in TREADS else ()) for e in effects)
+    own = owned(effects)
     if any(e.cause in LOCAL and 'side' in e.location for e in effects):
         return polish(context, own, place.stage.turned, free, steps=MOST_STEPS, is_near=True)
     return Polished(context, place if free is None else free(place), own, ())
+
+
+def owned(effects: Sequence[Proposal]) -> tuple[Proposal, ...]:
+    """Return effects of which only what is each recording's own is left to be fitted."""
+    return tuple(replace(e, fitted=OWN if e.cause in TREADS else ()) for e in effects)
 
 
 def led_whole(

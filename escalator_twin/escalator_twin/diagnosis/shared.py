@@ -10,18 +10,19 @@ A step is that of Gauss and Newton on the sum of all recordings' chi squared, wi
 projected out (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from escalator_twin.diagnosis.context import Beside, Context, with_own_tolerances
-from escalator_twin.diagnosis.joint import Free, JointFit, moved_all, shaking_of
+from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.joint import moved_all, shaking_of
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.normals import jackknife, Normal, solve
+from escalator_twin.diagnosis.points import moved_from, own_fit, Part, Point, Runs, squares
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import slope_of
 from escalator_twin.diagnosis.regression import Fitted, inner_products, swapped
@@ -40,31 +41,6 @@ PLACED = LOCAL | {'guide_step'}
 
 One = TypeVar('One')
 Other = TypeVar('Other')
-
-
-@dataclass(frozen=True)
-class Part:
-    """One recording in the fit.
-
-    Attributes
-    ----------
-    context : Context
-        With what tolerances and rail do to the machine as described.
-    effects : tuple of Proposal
-        That act on the machine as a whole, in all recordings the same.
-    own : tuple of Proposal
-        More of the machine, whose numbers stay: of one link, axle or step, waves of the drive.
-    free : callable or None
-        Frees the nuisance that effects of the measurement stand for.
-    turned : mapping of tolerance to float
-        Where the recording by itself has the tolerances, standard deviations; empty where that is not known.
-    """
-
-    context: Context
-    effects: tuple[Proposal, ...]
-    own: tuple[Proposal, ...] = ()
-    free: Free | None = None
-    turned: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -92,27 +68,6 @@ class Shared:
 def is_shared(effect: Proposal) -> bool:
     """Tell whether an effect has one size in all recordings, and acts on the machine as a whole."""
     return effect.cause not in PLACED and bool(effect.fitted)
-
-
-@dataclass(frozen=True)
-class _Point:
-    """All recordings beside one machine."""
-
-    fits: tuple[JointFit, ...]  # with what the tolerances do
-    own: tuple[tuple[Proposal, ...], ...]  # effects of every recording, whose numbers stay
-    effects: tuple[Proposal, ...]
-    turned: Mapping[Name, float]
-    places: tuple[Beside, ...]
-    levels: tuple[float, ...]  # by the channels that the effects act on
-
-    @property
-    def level(self) -> float:
-        """Chi squared of all recordings, and the tolerances' own once."""
-        return sum(self.levels) + _squares(self.turned)
-
-    def of(self, r: int) -> tuple[Proposal, ...]:
-        """Return all effects of a recording."""
-        return (*self.effects, *self.own[r])
 
 
 @dataclass(frozen=True)
@@ -150,27 +105,21 @@ def fit_together(parts: Sequence[Part], jobs: int = 1, rounds: int = len(KICKS))
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _Fit(Runs):
     """What stays the same over the steps."""
 
-    pool: ThreadPoolExecutor
-
-    def each(self, do: Callable[..., Other], *rows: Sequence[One]) -> list[Other]:
-        return list(self.pool.map(do, *rows))
-
     def found(self, parts: Sequence[Part], rounds: int) -> Shared:
-        fits = self.each(_with_rails, parts)
-        start = _Point(
-            tuple(fits), tuple(part.own for part in parts), parts[0].effects, {}, (), ()
-        )
+        start = self.start(parts)
         stood_for = {str(e.nuisance) for r in range(len(parts)) for e in start.of(r)}
         mean = mean_of([part.turned for part in parts], stood_for)
-        point, lines = self.begun(self.run(start), mean)
+        point, lines = self.begun(start, mean)
         for kick in KICKS[:rounds]:
             turned = self.kicked(point, lines, kick)
             if turned is None:
                 break
-            other, others = self.descend(self.run(replace(point, turned=turned)))
+            # so far off, what tolerances do is run again, after a first step by what it was
+            start = replace(point, turned=turned, is_whole=False, since=None)
+            other, others = self.descend(self.run(start))
             if other.level < point.level:
                 point, lines = other, others
         spread = jackknife([line.normal(line.fitted) for line in lines], point.turned)
@@ -184,31 +133,19 @@ class _Fit:
             tuple(_quiet_level(place, point.effects) for place in point.places),
         )
 
-    def run(self, point: _Point) -> _Point:
-        """Run every recording's machine, and align and fit what is its own."""
-
-        def beside(r: int) -> tuple[Beside, float]:
-            place = point.fits[r].beside(point.of(r), of_recording(point.turned, r))
-            fitted, _ = _own_fit(place, point.effects)
-            return place, place.stage.judged(fitted, shaking_of(point.effects))
-
-        rows = self.each(beside, range(len(point.fits)))
-        places, levels = zip(*rows, strict=True)
-        return replace(point, places=places, levels=levels)
-
-    def begun(self, point: _Point, mean: Mapping[Name, float]) -> tuple[_Point, list[_Line]]:
+    def begun(self, point: Point, mean: Mapping[Name, float]) -> tuple[Point, list[_Line]]:
         """Step down from no tolerance, or from those of the searches where a first step leads lower from there."""
         starts = [point]
         if mean:
             with suppress(EscalatorError):  # each of them was run, their mean was not
-                starts.append(self.taken_anew(replace(point, turned=mean)))
+                starts.append(self.taken_anew(self.run(replace(point, turned=mean))))
         first = [self.descend(start, most=1) for start in starts]
         point, _ = min(first, key=lambda row: row[0].level)
         return self.descend(point, MOST_STEPS - 1, is_anew=False)
 
     def descend(
-        self, point: _Point, most: int = MOST_STEPS, is_anew: bool = True
-    ) -> tuple[_Point, list[_Line]]:
+        self, point: Point, most: int = MOST_STEPS, is_anew: bool = True
+    ) -> tuple[Point, list[_Line]]:
         """Step down by slopes; return where that ends, and what the unknowns do about there.
 
         ``is_anew``: what every tolerance does was taken where the first step begins.
@@ -226,34 +163,19 @@ class _Fit:
                 break
         return point, lines
 
-    def taken_anew(self, point: _Point) -> _Point:
-        """Return the same point with what every tolerance does there."""
-
-        def anew(r: int) -> JointFit:
-            one = point.fits[r]
-            context = with_own_tolerances(
-                one.context,
-                one.deviations(point.of(r)),
-                turned=of_recording(point.turned, r),
-                with_rails=False,
-            )
-            return replace(one, context=context)
-
-        return self.run(replace(point, fits=tuple(self.each(anew, range(len(point.fits))))))
-
-    def step(self, point: _Point, lines: Sequence[_Line]) -> _Point | None:
+    def step(self, point: Point, lines: Sequence[_Line]) -> Point | None:
         """Take the step of Gauss and Newton, or a part of it; None where none explains more."""
         normals = [line.normal(line.fitted) for line in lines]
         delta, _ = solve(normals, point.turned)
         for share in SHARES:
             way = {name: share * by for name, by in delta.items()}
             effects, turned = _moved(point, way), _turned(point.turned, way)
-            trial = self.run(replace(point, effects=effects, turned=turned))
+            trial = self.run(moved_from(point, effects, turned))
             if trial.level < point.level:
                 return trial
         return None
 
-    def kicked(self, point: _Point, lines: Sequence[_Line], by: float) -> dict[Name, float] | None:
+    def kicked(self, point: Point, lines: Sequence[_Line], by: float) -> dict[Name, float] | None:
         """Return the tolerances with that one turned far which then explains most; None without gain.
 
         All else is taken along by the slopes of where it was.
@@ -266,7 +188,7 @@ class _Fit:
 
         def level(way: Mapping[Name, float]) -> float:
             turned: dict[Name, float] = {**point.turned, **way}
-            total, normals = _squares(turned), []
+            total, normals = squares(turned), []
             for r, line in enumerate(lines):
                 fitted = _trial(line, of_recording(turned, r))
                 total += line.stage.judged(fitted, shaking_of(point.effects))
@@ -280,33 +202,13 @@ class _Fit:
         return {**point.turned, **ways[best]}
 
 
-def _with_rails(part: Part) -> JointFit:
-    """Return a recording's fit with what tolerances and rail do beside its effects."""
-    deviations = tuple(e.deviation for e in (*part.effects, *part.own))
-    return JointFit(with_own_tolerances(part.context, deviations), (), part.free)
-
-
-def _squares(turned: Mapping[Name, float]) -> float:
-    return sum(z * z for z in turned.values())
-
-
-def _own_fit(place: Beside, effects: Sequence[Proposal]) -> tuple[Fitted, list[int]]:
-    """Return the fit with what is the recording's own alone, and which columns are shared tolerances'."""
-    knobs = {knob.name for knob in place.stage.knobs}
-    stood_for = {e.nuisance for e in effects}
-    names = place.stage.nuisance.names
-    own = [k for k, name in enumerate(names) if name not in knobs]
-    shared = [k for k, name in enumerate(names) if name in knobs and name not in stood_for]
-    return place.fitted.keeping(np.array(own)), shared
-
-
 def _quiet_level(place: Beside, effects: Sequence[Proposal]) -> float:
-    return place.stage.judged(_own_fit(place, effects)[0])
+    return place.stage.judged(own_fit(place, effects)[0])
 
 
-def _line(r: int, point: _Point) -> _Line:
+def _line(r: int, point: Point) -> _Line:
     fit_one, place, effects = point.fits[r], point.places[r], point.of(r)
-    fitted, at = _own_fit(place, point.effects)
+    fitted, at = own_fit(place, point.effects)
     sized = (*point.effects, *(replace(e, fitted=()) for e in point.own[r]))
     columns = fit_one.columns(place, sized)
     sided = fit_one.sided(place, effects)
@@ -332,7 +234,7 @@ def _trial(line: _Line, turned: Mapping[str, float]) -> Fitted:
     return swapped(line.fitted, stage.white(model), places, others, line.fitted.offset)
 
 
-def _moved(point: _Point, delta: Mapping[Name, float]) -> tuple[Proposal, ...]:
+def _moved(point: Point, delta: Mapping[Name, float]) -> tuple[Proposal, ...]:
     by = [delta[EFFECT, str(k), key] for k, e in enumerate(point.effects) for key in e.fitted]
     length = point.places[0].stage.machine_length
     return tuple(moved_all(point.effects, np.array(by), length))

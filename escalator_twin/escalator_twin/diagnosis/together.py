@@ -10,8 +10,9 @@ from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.points import Part
 from escalator_twin.diagnosis.proposals import Proposal, same_place
-from escalator_twin.diagnosis.shared import fit_together, is_shared, Part
+from escalator_twin.diagnosis.shared import fit_together, is_shared
 from escalator_twin.errors import EscalatorError
 
 # Times the chi squared that the searches leave, each beside tolerances of its own: where one machine's leave more, the
