@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -38,9 +37,6 @@ SETTLED = 3.0  # chi squared: a step that gains less is the last one
 # tells in its own way. A frame bounces as one in all of them, and what one speed says of its frequency
 # another one says of its mass.
 PLACED = LOCAL | {'guide_step'}
-
-One = TypeVar('One')
-Other = TypeVar('Other')
 
 
 @dataclass(frozen=True)
