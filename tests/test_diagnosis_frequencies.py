@@ -63,7 +63,6 @@ def walked_from(monkeypatch, one, law=two_hollows, known=(), fails_above=99.0):
         return Polished(context, place_of(law(hz)), (frame,), ({'frequency_hz': 0.01},))
 
     monkeypatch.setattr(frequencies, 'polish', fit)
-    monkeypatch.setattr(frequencies, 'with_rest', lambda _, sd: sd)
     monkeypatch.setattr(frequencies, 'excess_of', lambda place, _: place.left)
     found = frequencies.from_other_frequencies(CONTEXT, place_of(OPEN, 1e3), known, one, 2)
     return found, asked

@@ -80,11 +80,7 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     monkeypatch.setattr(trial, 'is_open', lambda *_: is_open)
     monkeypatch.setattr(trial, 'excess_of', lambda *_: 1e3)
     stop = Proposal('tensioner_stop', {}, {'displacement_m': 7e-3}, 1e4)
-    done = Polished(None, whole, (stop, better), ({'displacement_m': 1e-5}, {'x': 0.2}))
-    # of where the carriage rests, which a length's tolerance moves by a millimetre
-    monkeypatch.setattr(
-        trial, 'with_rest', lambda _, sd: {k: v + 1e-3 * k.startswith('d') for k, v in sd.items()}
-    )
+    done = Polished(None, whole, (stop, better), ({'displacement_m': 1e-3}, {'x': 0.2}))
 
     def led_whole(_polished, _free, _jobs, worth_a_step, worth_a_turn, *_):
         # a twentieth of what is left, however much the effect explains
@@ -95,9 +91,7 @@ def test_the_best_is_fitted_on_where_tolerances_act_otherwise_beside_it(
     settled = trial._settled(before, (), Tried(first, gain, {'x': 0.1}, fit), 1)
     assert settled.proposal is (better if goes_on else first)
     assert settled.gain == (gain + 100.0 if goes_on else gain)
-    assert settled.polished.sd == (
-        ({'displacement_m': 1.01e-3}, {'x': 0.2}) if goes_on else ({'x': 0.1},)
-    )
+    assert settled.polished.sd == (done.sd if goes_on else ({'x': 0.1},))
 
 
 @dataclass(frozen=True)
@@ -231,7 +225,6 @@ def test_a_wave_that_is_locked_otherwise_is_fitted_from_where_it_ended(monkeypat
         return Polished(context, None, (FRICTION, replace(ripple, gain=7.0)), ({}, {'x': 0.1}))
 
     monkeypatch.setattr(fitting, 'polish', polished)
-    monkeypatch.setattr(fitting, 'with_rest', lambda _, sd: sd)
     ripple = Proposal('drive_ripple', {}, {'cycles_per_pitch': 0.3}, 900.0)
     hunting = Proposal('drive_hunting', {}, {'frequency_hz': 0.2}, 900.0)
     fitted = replace(FRICTION, parameters={'force_N': 170.0})

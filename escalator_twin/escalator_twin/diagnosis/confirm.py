@@ -23,7 +23,7 @@ from escalator_twin.diagnosis.context import (
 )
 from escalator_twin.diagnosis.drive import refine_wave
 from escalator_twin.diagnosis.faults import Fault, faults_of
-from escalator_twin.diagnosis.fitting import MOVES_RESONANCE, with_rest
+from escalator_twin.diagnosis.fitting import MOVES_RESONANCE
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
@@ -168,7 +168,7 @@ def confirm_recording(
     return Confirmed(
         document,
         tuple(told[k][0] for k in range(len(here))),
-        tuple(with_rest(context, told[k][1]) for k in range(len(here))),
+        tuple(told[k][1] for k in range(len(here))),
         look(context, before, after),
         held,
         tuple(faults_of(context.setting, machine)),

@@ -1,16 +1,12 @@
 """Fit an effect together with the machine's tolerances and with all that is known already."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import inf
-
-import numpy as np
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
-from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import approach, polish, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal
@@ -110,13 +106,11 @@ def fitted_beside(
         )
     except EscalatorError:
         return plain(refined)
-    spreads = tuple(with_rest(context, sd) for sd in polished.sd)
-    polished = replace(polished, sd=spreads)
     proposal = polished.effects[-1]
     gain = before - polished.place.stage.judged(polished.place.fitted, proposal.cause)
     if turned is None and gain <= 0.5 * refined.gain:
         return plain(refined)
-    return Tried(proposal, gain, spreads[-1], polished)
+    return Tried(proposal, gain, polished.sd[-1], polished)
 
 
 def fitted_near(known: Sequence[Proposal], tried: Tried, near: Polished, jobs: int = 1) -> Tried:
@@ -153,7 +147,7 @@ def fitted_on(
     """
     if not effects:  # the tolerances fit already
         return Polished(context, JointFit(context, (), None).beside((), turned), (), ())
-    polished = polish(
+    return polish(
         context,
         effects,
         turned,
@@ -162,7 +156,6 @@ def fitted_on(
         steps=STEPS_AT_LENGTH,
         is_near=True,
     )
-    return replace(polished, sd=tuple(with_rest(context, sd) for sd in polished.sd))
 
 
 def fit_again(
@@ -187,7 +180,7 @@ def fit_again(
     if not again:  # the tolerances were tuned to this machine
         return Polished(context, beside(context, steps=0, turned=turned), (), ())
     try:
-        found = polish(
+        return polish(
             context,
             again,
             turned,
@@ -199,21 +192,3 @@ def fit_again(
     except EscalatorError:  # as it was, its tolerances tuned
         deviations = tuple(k.deviation for k in again)
         return Polished(*tuned(context, deviations, jobs, turned), (), ())
-    spreads = tuple(with_rest(context, sd) for sd in found.sd)
-    return replace(found, sd=spreads)
-
-
-def with_rest(context: Context, sd: dict[str, float]) -> dict[str, float]:
-    """Return spreads with what the carriage's place at rest adds to a stop's.
-
-    The sensor's zero is arbitrary: the data tell where in the motion the stop is, and tolerances of
-    length where the motion is.
-    """
-    if 'displacement_m' not in sd:
-        return sd
-    machine, nominal = context.machine, context.nominal
-    responses = context.responses if nominal is None else nominal.responses
-    moved = [s.quantity == 'carriage_displacement' for s in machine.instruments.sensors]
-    knobs = [knob.name for knob in knobs_of(machine, context.setting.experiment)]
-    rest = [responses.knobs[name][:, moved].mean() for name in knobs if name in responses.knobs]
-    return {**sd, 'displacement_m': float(np.hypot(sd['displacement_m'], np.linalg.norm(rest)))}

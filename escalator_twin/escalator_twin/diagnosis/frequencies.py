@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 from escalator_twin.diagnosis.closing import MOST_LEFT
 from escalator_twin.diagnosis.context import Beside, Context
-from escalator_twin.diagnosis.fitting import with_rest
 from escalator_twin.diagnosis.frames import HIGHEST_HZ, LOWEST_HZ, NEARLY, RATIO
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.loops import LOCAL
@@ -166,10 +165,8 @@ def from_other_frequencies(
             )
         except EscalatorError:
             return tried
-        spreads = tuple(with_rest(context, sd) for sd in found.sd)
-        found = replace(found, sd=spreads)
         return Tried(
-            found.effects[-1], level_of(place) - level_of(found.place), spreads[-1], found
+            found.effects[-1], level_of(place) - level_of(found.place), found.sd[-1], found
         )
 
     with ThreadPoolExecutor(min(2, max(1, jobs))) as pool:

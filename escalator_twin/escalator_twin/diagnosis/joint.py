@@ -15,6 +15,7 @@ from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import changed, jacobian_of, moved, slope_of
 from escalator_twin.diagnosis.regression import fit, Fitted, inner_products, inverse
+from escalator_twin.diagnosis.rest import with_rest
 from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.tuning import coarse_to_fine, ROUNDS
 from escalator_twin.machine import Deviation
@@ -252,7 +253,7 @@ class JointFit:
             for i, key in enumerate(effect.fitted, first):
                 variance = max(float(covariance[i, i]), 0.0)
                 spread[key] = abs(slope_of(effect, key)) * variance**0.5
-            found.append(spread)
+            found.append(with_rest(self.context, spread))
             first += len(effect.fitted)
         return tuple(found)
 

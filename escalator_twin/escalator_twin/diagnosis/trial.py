@@ -16,7 +16,6 @@ from escalator_twin.diagnosis.fitting import (
     MOVES_RESONANCE,
     plain,
     unturned,
-    with_rest,
 )
 from escalator_twin.diagnosis.floor import PASSED, SHAKING
 from escalator_twin.diagnosis.free import freed
@@ -256,5 +255,4 @@ def _settled(place: Beside, known: Sequence[Proposal], tried: Tried, jobs: int) 
     gain = before - whole.place.stage.judged(whole.place.fitted, cause)
     if gain <= tried.gain:
         return tried
-    spreads = tuple(with_rest(whole.context, sd) for sd in whole.sd)
-    return Tried(whole.effects[-1], gain, spreads[-1], replace(whole, sd=spreads))
+    return Tried(whole.effects[-1], gain, whole.sd[-1], whole)
