@@ -99,6 +99,15 @@ def test_the_later_are_searched_where_the_first_leave_something_open(second, is_
     assert looked.fitted == frozenset(range(4))
 
 
+def test_beside_a_single_link_all_that_are_fitted_to_are_searched():
+    work = Asked([[LINK]] * 4, [])
+    campaign.look_together(work, [0, 1, 2, 3])
+    later = ('search', [2, 3], [LINK.cause])
+    assert work.asked == [
+        *FIRST, later, ('fit', [0, 1, 2, 3], [0, 1, 2, 3], 1), ('confirm', [4, 5], 1),
+    ]  # fmt: skip
+
+
 def test_of_a_machine_of_free_bodies_every_recording_is_searched():
     """Its tolerances and effects are put beside a recording by its own search alone."""
     work = Asked([[CHAIN], [CHAIN], [], [CHAIN], [CHAIN], [CHAIN]], [])

@@ -266,6 +266,22 @@ def test_what_all_first_scouts_name_is_suggested_to_the_others():
     assert suggested.parameters['force_N'] == pytest.approx(120.0)
 
 
+def test_of_what_turns_an_eccentric_roller_alone_is_suggested():
+    """Two runs tell the phase of a sine; a flat spot has many, and a drive's wave its frequency."""
+    own = {'phase_rad': 1.0, 'slip': 1e-4}
+    place = {'axle': 9, 'side': 'left'}
+    roller, flat = (
+        Proposal(cause, place, {size: 4e-4, **own}, 1e3, fitted=(size, *own))
+        for cause, size in (('roller_eccentricity', 'amplitude_m'), ('roller_flat', 'depth_m'))
+    )
+    wave = Proposal(
+        'drive_hunting', {}, {'relative_amplitude': 0.01, 'phase_rad': 1.0}, 1e3,
+        fitted=('relative_amplitude', 'phase_rad'),
+    )  # fmt: skip
+    scouts = [scout((found(roller), 0.9), (found(flat), 0.9), (found(wave), 0.9))] * 2
+    assert [effect.cause for effect in shared_by(scouts)] == [roller.cause]
+
+
 @pytest.mark.parametrize(('sds', 'kept'), [((5.0, 0.2), 2), ((5.0, 4.0), 0)])
 def test_a_suggestion_counts_where_a_recording_has_all_of_it(sds, kept):
     landing = Proposal(

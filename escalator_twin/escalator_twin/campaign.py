@@ -25,6 +25,7 @@ from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.leftovers import names_all, repeated_by
+from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.recordings import (
@@ -314,7 +315,8 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
     """Search some recordings and put what they name beside all others.
 
     The first two are searched with nothing suggested. Where both name the same of the machine, it is put beside the others that were
-    chosen, and these are searched only where it leaves something open; else they are in any case.
+    chosen, and these are searched only where it leaves something open; else they are in any case. So they are beside
+    single links: there something is always left open, and a fit that is made twice takes longer than two searches.
 
     Parameters
     ----------
@@ -329,7 +331,7 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
     groups = union_of(list(scouts.values()))
     confirmed: dict[int, Confirmed] = {}
     together, fitted = None, frozenset[int]()
-    if rest and not repeated and _agree(list(scouts.values()), groups):
+    if rest and not repeated and _agree(list(scouts.values()), groups) and not _is_local(groups):
         together, fitted = work.fit(chosen, scouts, groups)
         confirmed = work.confirm(rest, groups, together)
         rest = [k for k in rest if confirmed[k].is_open]
@@ -360,6 +362,11 @@ def effects_of(groups: Groups, together: Together | None) -> list[Proposal]:
     """Return one effect of each group: as fitted together, or as the surest search has it."""
     sized = together.effects if together else {}
     return [sized[k][0] if k in sized else g[0][0].proposal for k, g in enumerate(groups)]
+
+
+def _is_local(groups: Groups) -> bool:
+    """Tell whether an effect of a single link, axle or step is among them."""
+    return any(g[0][0].proposal.cause in LOCAL for g in groups)
 
 
 def _agree(scouts: Sequence[Diagnosis], groups: Groups) -> bool:

@@ -19,6 +19,7 @@ from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.phases import ROUND
 from escalator_twin.diagnosis.proposals import is_other_side, Proposal, same_place
 from escalator_twin.diagnosis.speeds import Law, LEAST_RISE
 from escalator_twin.diagnosis.telling import told, told_fault
@@ -91,7 +92,8 @@ def choose_scouts(experiments: Sequence[Experiment | None], most: int = SCOUTS) 
 def shared_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
     """Return the effects of the machine that all scouts so far name, with their joint numbers.
 
-    Those of one frequency or angle stay out: each recording has its own phase.
+    Those of one frequency or angle stay out: each recording has its own phase. That of an eccentric roller
+    two runs tell (`rolled_here`).
     """
     return [
         pooled([(f.proposal, f.sd) for f, _ in group]).proposal
@@ -99,8 +101,12 @@ def shared_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
         if len(group) == len(scouts)
         and of_machine(group[0][0].proposal)
         and group[0][0].proposal.fitted
-        and 'phase_rad' not in group[0][0].proposal.parameters
+        and _is_placed(group[0][0].proposal)
     ]
+
+
+def _is_placed(effect: Proposal) -> bool:
+    return effect.cause == ROUND or 'phase_rad' not in effect.parameters
 
 
 def _coordinates(experiment: Experiment | None) -> list[float]:

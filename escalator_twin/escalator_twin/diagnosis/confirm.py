@@ -6,10 +6,7 @@ numbers, and then says what its own would be.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import atan2, pi
 from typing import Any
-
-import numpy as np
 
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.comparison.judge import judge
@@ -29,11 +26,11 @@ from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.joint import Free
 from escalator_twin.diagnosis.loops import LOCAL
+from escalator_twin.diagnosis.phases import rolled_here, with_phase
 from escalator_twin.diagnosis.polish import increments, polish, polish_whole, Polished
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
-from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.search import Search
 from escalator_twin.diagnosis.search_gauges import gains
@@ -42,7 +39,6 @@ from escalator_twin.diagnosis.settling import (
     MOST_STEPS,
     owned,
     settled,
-    TREADS,
     WORTH_A_STEP,
 )
 from escalator_twin.diagnosis.speeds import Rolled, rolled
@@ -56,7 +52,6 @@ from escalator_twin.machine import Machine
 from escalator_twin.signals import Recording
 from escalator_twin.threads import one_thread_each
 
-QUARTER = 0.5 * pi
 # Of a fit from other recordings' tolerances, with effects of single links in the runs; a turn far off was made there.
 LOCAL_STEPS = 3
 
@@ -127,9 +122,9 @@ def confirm_recording(
     plain_context, before = tuned(context, start=start)
     waves = {k: _wave(before, e) for k, e in enumerate(effects) if e.cause in DRIVE}
     here = [
-        _with_phase(e, waves[k].proposal.parameters['phase_rad'])
+        with_phase(e, waves[k].proposal.parameters['phase_rad'])
         if k in waves
-        else _rolled(before, e)
+        else rolled_here(before, e)
         for k, e in enumerate(effects)
     ]
     own = [e for e in here if of_machine(e)]
@@ -236,25 +231,6 @@ def _wave(place: Beside, effect: Proposal) -> Refined:
     """Return a wave of the drive as this recording alone would have it."""
     in_time = effect.cause == 'drive_hunting'
     return refine_wave(place.stage, place.model, place.fitted, effect, in_time)
-
-
-def _rolled(place: Beside, effect: Proposal) -> Proposal:
-    """Return a tread's effect with the phase that it has here: a matter of how rollers stood."""
-    stage = place.stage
-    if effect.cause not in TREADS:
-        return effect
-    columns = []
-    for phase in (0.0, QUARTER):
-        run = stage.run((_with_phase(effect, phase).deviation,))
-        columns.append(run - place.model)
-    white = stage.columns(np.stack(columns, axis=2), effect.cause)
-    right, gram = inner_products(place.fitted, white)
-    c, d = inverse(gram) @ right
-    return _with_phase(effect, atan2(d, c))
-
-
-def _with_phase(effect: Proposal, phase: float) -> Proposal:
-    return replace(effect, parameters={**effect.parameters, 'phase_rad': float(phase)})
 
 
 def _measured(

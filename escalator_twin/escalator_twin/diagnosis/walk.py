@@ -27,6 +27,7 @@ from escalator_twin.diagnosis.found import (
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between
 from escalator_twin.diagnosis.hollows import out_of_hollow
+from escalator_twin.diagnosis.phases import rolled_here
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regroup import regrouped
@@ -85,7 +86,8 @@ def walk(
     found: list[Found] = []
     before = place = freed(context.place or beside(context), start)
     if suggested:
-        first = bench.again(context, place, [*start, *suggested], jobs)
+        asked = [rolled_here(place, effect) for effect in suggested]
+        first = bench.again(context, place, [*start, *asked], jobs)
         found = _confirmed(first, len(start), suggested)
         if found:
             context, place = first.context, freed(first.place, start)
