@@ -316,7 +316,7 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
 
     The first two are searched with nothing suggested. Where both name the same of the machine, it is put beside the others that were
     chosen, and these are searched only where it leaves something open; else they are in any case. So they are beside
-    single links: there something is always left open, and a fit that is made twice takes longer than two searches.
+    single links: where something is left open the fit is made twice, and that takes longer than these searches.
 
     Parameters
     ----------
