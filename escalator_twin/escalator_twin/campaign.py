@@ -23,9 +23,8 @@ from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.floor import load_floor
-from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.free import any_local, of_machine
 from escalator_twin.diagnosis.leftovers import names_all, repeated_by
-from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.recordings import (
@@ -316,7 +315,7 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
 
     The first two are searched with nothing suggested. Where both name the same of the machine, it is put beside the others that were
     chosen, and these are searched only where it leaves something open; else they are in any case. So they are beside
-    single links: where something is left open the fit is made twice, and that takes longer than these searches.
+    single links or waves of the drive: where something is left open the fit is made twice, and that takes longer than these searches.
 
     Parameters
     ----------
@@ -329,9 +328,10 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
     repeated = repeated_by(list(scouts.values()))
     suggested = shared_by(list(scouts.values()))
     groups = union_of(list(scouts.values()))
+    named = [group[0][0].proposal for group in groups]
     confirmed: dict[int, Confirmed] = {}
     together, fitted = None, frozenset[int]()
-    if rest and not repeated and _agree(list(scouts.values()), groups) and not _is_local(groups):
+    if rest and not repeated and _agree(list(scouts.values()), groups) and not any_local(named):
         together, fitted = work.fit(chosen, scouts, groups)
         confirmed = work.confirm(rest, groups, together)
         rest = [k for k in rest if confirmed[k].is_open]
@@ -362,11 +362,6 @@ def effects_of(groups: Groups, together: Together | None) -> list[Proposal]:
     """Return one effect of each group: as fitted together, or as the surest search has it."""
     sized = together.effects if together else {}
     return [sized[k][0] if k in sized else g[0][0].proposal for k, g in enumerate(groups)]
-
-
-def _is_local(groups: Groups) -> bool:
-    """Tell whether an effect of a single link, axle or step is among them."""
-    return any(g[0][0].proposal.cause in LOCAL for g in groups)
 
 
 def _agree(scouts: Sequence[Diagnosis], groups: Groups) -> bool:

@@ -101,11 +101,11 @@ def shared_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
         if len(group) == len(scouts)
         and of_machine(group[0][0].proposal)
         and group[0][0].proposal.fitted
-        and _is_placed(group[0][0].proposal)
+        and _may_begin_with(group[0][0].proposal)
     ]
 
 
-def _is_placed(effect: Proposal) -> bool:
+def _may_begin_with(effect: Proposal) -> bool:
     return effect.cause == ROUND or 'phase_rad' not in effect.parameters
 
 

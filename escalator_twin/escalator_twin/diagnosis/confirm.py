@@ -22,10 +22,9 @@ from escalator_twin.diagnosis.drive import refine_wave
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.fitting import MOVES_RESONANCE
 from escalator_twin.diagnosis.floor import load_floor
-from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.free import any_local, freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.joint import Free
-from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.phases import rolled_here, with_phase
 from escalator_twin.diagnosis.polish import increments, polish, polish_whole, Polished
 from escalator_twin.diagnosis.preparation import prepare_tolerances
@@ -192,7 +191,7 @@ def _beside_shared(
     """
     deviations = tuple(e.deviation for e in effects)
     near = with_own_tolerances(context, deviations, turned=shared)
-    if not _is_local(effects):
+    if not any_local(effects):
         return polish(near, owned(effects), shared, free, steps=MOST_STEPS, is_near=True)
     place = polish(near, owned(effects), shared, free, steps=0, is_near=True)
     return polish_whole(place, free, worth=WORTH_A_STEP, steps=LOCAL_STEPS)
@@ -205,11 +204,7 @@ def _fits(near: Polished, effects: Sequence[Proposal], before: Beside) -> bool:
     """
     if not is_open(near.place, near.context.floor):
         return True
-    return _is_local(effects) and quiet_chi2(near.place) < quiet_chi2(before)
-
-
-def _is_local(effects: Sequence[Proposal]) -> bool:
-    return any(e.cause in LOCAL for e in effects)
+    return any_local(effects) and quiet_chi2(near.place) < quiet_chi2(before)
 
 
 def _by_itself(

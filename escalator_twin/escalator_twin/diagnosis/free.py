@@ -1,6 +1,6 @@
 """The nuisance that an effect of the measurement stands for, freed of its prior."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from escalator_twin.causes.imperfections import creep_shape
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.stage import Stage
 
@@ -17,6 +18,11 @@ FREED = 100.0  # by how much a nuisance's prior is widened once it is an effect
 def of_machine(proposal: Proposal) -> bool:
     """Tell whether a proposal is of the machine, and not of its measurement."""
     return KNOWN[proposal.cause].of_machine
+
+
+def any_local(effects: Iterable[Proposal]) -> bool:
+    """Tell whether an effect is one link's, axle's or step's, or a wave of the drive: runs then take the whole length."""
+    return any(effect.cause in LOCAL for effect in effects)
 
 
 def freed(place: Beside, effects: Sequence[Proposal]) -> Beside:

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context, with_own_tolerances
+from escalator_twin.diagnosis.free import any_local
 from escalator_twin.diagnosis.joint import Free, JointFit, shaking_of
-from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.unknowns import Name, of_recording
@@ -82,7 +82,7 @@ class Point:
     @property
     def is_local(self) -> bool:
         """Tell whether an effect of a single link, axle or step is beside the shared ones."""
-        return any(effect.cause in LOCAL for own in self.own for effect in own)
+        return any(any_local(own) for own in self.own)
 
     def of(self, r: int) -> tuple[Proposal, ...]:
         """Return all effects of a recording."""
