@@ -9,6 +9,8 @@ import trials
 
 from escalator_twin import campaign
 from escalator_twin.diagnosis import together
+from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.suggested import NOTHING
 
 pytestmark = pytest.mark.issue(7)
 
@@ -54,9 +56,10 @@ class Asked:
         self.names, self.is_open, self.asked = names, is_open, []
         self.paths, self.total = list('abcdef'), 1.0
 
-    def search(self, some, suggested):
+    def search(self, some, suggested=NOTHING):
         if some:
-            self.asked.append(('search', list(some), [e.cause for e in suggested]))
+            asked = [[e.cause for e in part] for part in (suggested.sure, suggested.perhaps)]
+            self.asked.append(('search', list(some), *asked))
         return {k: SimpleNamespace(found=scout(*self.names[k]).found, left=None) for k in some}
 
     def fit(self, some, scouts, groups):
@@ -68,7 +71,7 @@ class Asked:
         return {k: SimpleNamespace(is_open=k in self.is_open) for k in some}
 
 
-FIRST = [('search', [0, 1], [])]
+FIRST = [('search', [0, 1], [], [])]
 CLOSED = [('fit', [0, 1, 2, 3], [0, 1], 1), ('confirm', [2, 3], 1)]
 CAUSE = [CHAIN.cause]
 
@@ -80,13 +83,13 @@ CAUSE = [CHAIN.cause]
         (
             [CHAIN], [3, 4],
             [
-                *CLOSED, ('search', [3], CAUSE), ('fit', [0, 1, 2, 3], [0, 1, 3], 2),
+                *CLOSED, ('search', [3], CAUSE, []), ('fit', [0, 1, 2, 3], [0, 1, 3], 2),
                 ('confirm', [2, 4, 5], 2),
             ],
         ),
         (
             [], [],
-            [('search', [2, 3], []), ('fit', [0, 1, 2, 3], [0, 1, 2, 3], 2), ('confirm', [4, 5], 2)],
+            [('search', [2, 3], [], []), ('fit', [0, 1, 2, 3], [0, 1, 2, 3], 2), ('confirm', [4, 5], 2)],
         ),
     ],
     ids=['nothing is open', 'one is open', 'the first do not agree'],
@@ -102,17 +105,32 @@ def test_the_later_are_searched_where_the_first_leave_something_open(second, is_
 def test_beside_a_single_link_all_that_are_fitted_to_are_searched():
     work = Asked([[LINK]] * 4, [])
     campaign.look_together(work, [0, 1, 2, 3])
-    later = ('search', [2, 3], [LINK.cause])
+    later = ('search', [2, 3], [LINK.cause], [])
     assert work.asked == [
         *FIRST, later, ('fit', [0, 1, 2, 3], [0, 1, 2, 3], 1), ('confirm', [4, 5], 1),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize('both', [CHAIN, LINK])
+def test_beside_a_single_link_the_later_try_what_one_of_the_first_names_alone(both):
+    more = LINK if both is CHAIN else CHAIN
+    work = Asked([[both, more], [both], [both], [both]], [])
+    campaign.look_together(work, [0, 1, 2, 3])
+    assert work.asked[1] == ('search', [2, 3], [both.cause], [more.cause])
+
+
+def test_beside_none_they_search_anew():
+    spring = Proposal('drive_stiffness', {}, {'factor': 0.5}, 1e3, fitted=('factor',))
+    work = Asked([[CHAIN, spring], [CHAIN], [CHAIN], [CHAIN]], [])
+    campaign.look_together(work, [0, 1, 2, 3])
+    assert work.asked[1] == ('search', [2, 3], CAUSE, [])
 
 
 def test_of_a_machine_of_free_bodies_every_recording_is_searched():
     """Its tolerances and effects are put beside a recording by its own search alone."""
     work = Asked([[CHAIN], [CHAIN], [], [CHAIN], [CHAIN], [CHAIN]], [])
     looked = campaign.search_all(work)
-    assert work.asked == [*FIRST, ('search', [2, 3, 4, 5], CAUSE)]
+    assert work.asked == [*FIRST, ('search', [2, 3, 4, 5], CAUSE, [])]
     assert list(looked.scouts) == list(range(6))
     assert (looked.together, dict(looked.confirmed)) == (None, {})
 

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import walk
 from escalator_twin.diagnosis.campaign import (
     choose_scouts,
     decide,
@@ -18,7 +17,6 @@ from escalator_twin.diagnosis.campaign import (
 )
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
-from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.verdict import Weighed
@@ -280,20 +278,3 @@ def test_of_what_turns_an_eccentric_roller_alone_is_suggested():
     )  # fmt: skip
     scouts = [scout((found(roller), 0.9), (found(flat), 0.9), (found(wave), 0.9))] * 2
     assert [effect.cause for effect in shared_by(scouts)] == [roller.cause]
-
-
-@pytest.mark.parametrize(('sds', 'kept'), [((5.0, 0.2), 2), ((5.0, 4.0), 0)])
-def test_a_suggestion_counts_where_a_recording_has_all_of_it(sds, kept):
-    landing = Proposal(
-        'landing_length', {'which': 'upper'}, {'delta_m': 6e-3}, 1e3, fitted=('delta_m',)
-    )
-    effects = (drag(), landing)
-    spreads = ({'force_N': sds[0]}, {'delta_m': sds[1] * 1e-3})
-    known = walk._confirmed(Polished(None, None, effects, spreads), 0, effects)
-    assert [f.proposal for f in known] == list(effects)[:kept]
-
-
-def test_a_suggestion_of_which_a_recording_says_nothing_does_not_count():
-    effects = (drag(), drag(axle=9))
-    spreads = ({'force_N': 5.0}, {})
-    assert walk._confirmed(Polished(None, None, effects, spreads), 0, effects) == []

@@ -33,7 +33,9 @@ class Held:
 
 def leveled(chi2, shaken=0.0):
     """Return a machine beside a recording, and what is left there; a cause that shakes is judged by more."""
-    stage = SimpleNamespace(judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING))
+    stage = SimpleNamespace(
+        judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING), lean=lambda _: stage
+    )
     return SimpleNamespace(stage=stage, model=None, fitted=chi2)
 
 
@@ -70,7 +72,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     monkeypatch.setattr(closing, 'is_open', lambda place, *_: place.is_open)
     monkeypatch.setattr(closing, 'excess_of', lambda *_: 100.0)
     context = Held(None, Held({}), None)
-    stage = SimpleNamespace(judged=lambda *_: 1e4)
+    stage = SimpleNamespace(judged=lambda *_: 1e4, lean=lambda _: stage)
     place = SimpleNamespace(stage=stage, model=None, fitted=None, is_open=is_open)
     afar = Afar(context, place, [ROLLING, LANDING], edges)
     from_afar.tried_from_afar(context, afar, place, known, [], [], 1)
@@ -105,7 +107,7 @@ def test_what_left_nearly_nothing_is_not_fitted_there_again(monkeypatch, left, f
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.left)
     place, there = (
         SimpleNamespace(
-            stage=SimpleNamespace(judged=lambda fitted, *_: fitted),
+            stage=SimpleNamespace(judged=lambda fitted, *_: fitted, lean=lambda _: None),
             model=None,
             fitted=x + 1e3,
             left=x,
@@ -247,3 +249,15 @@ def test_a_frame_that_shows_beside_tuned_tolerances_alone_is_fitted_there(
     assert (found[0].proposal.cause == 'truss_resonance') is is_found
     assert [t.proposal for t in followed] == [found[0].proposal]
     assert (found[0].proposal.parameters == {'frequency_hz': 5.7}) is is_found
+
+
+def test_of_two_starts_that_are_one_the_better_is_fitted():
+    """A slope and a far change lead to one size by a step of the twin, or on either side of none."""
+    sizes = {'by slope': 1.7642, 'by a far change': 1.7653, 'much farther': 2.4, 'less': 0.6}
+    starts = [
+        SimpleNamespace(proposal=replace(ROLLING, parameters={'factor': f}, fitted=('factor',)))
+        for f in sizes.values()
+    ]
+    landing = SimpleNamespace(proposal=replace(LANDING, fitted=('delta_m',)))
+    kept = from_afar._apart([starts[0], landing, *starts[1:], landing])
+    assert kept == [starts[0], landing, *starts[2:]]

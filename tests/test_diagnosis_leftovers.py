@@ -89,11 +89,11 @@ def test_the_first_are_searched_again_where_the_later_have_it_as_well(holds, mon
         """The searches are done."""
 
     def search(path, suggested, **_):
-        asked.append((path, [p.cause for p in suggested]))
+        asked.append((path, [p.cause for p in suggested.sure]))
         named = [(Found(FRICTION, 1.0, {'force_N': 2.0}, STRONGEST, ()), 0.99)]
-        if suggested and (holds or path != 'd'):
+        if suggested.sure and (holds or path != 'd'):
             named.append((spring(1.4), 0.99))
-        left = None if suggested else spring(1.4)
+        left = None if suggested.sure else spring(1.4)
         return SimpleNamespace(found=tuple(named), left=left, is_placed=True)
 
     def fit(paths, _machine, scouts, *_):

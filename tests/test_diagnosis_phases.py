@@ -9,6 +9,7 @@ from escalator_twin.diagnosis import walk
 from escalator_twin.diagnosis.phases import rolled_here
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
+from escalator_twin.diagnosis.suggested import Suggested
 
 pytestmark = pytest.mark.issue(7)
 
@@ -69,6 +70,6 @@ def test_a_suggested_roller_is_fitted_from_the_phase_that_the_recording_has(monk
     monkeypatch.setattr(walk, 'freed', lambda place, _: place)
     bench = SimpleNamespace(again=again)
     with pytest.raises(EnoughError):
-        walk.walk(SimpleNamespace(place=place), bench=bench, suggested=[CHAIN, ROLLER])
+        walk.walk(SimpleNamespace(place=place), bench=bench, suggested=Suggested((CHAIN, ROLLER)))
     assert asked[0] is CHAIN
     assert asked[1].parameters['phase_rad'] == pytest.approx(1.1, abs=0.02)

@@ -24,7 +24,7 @@ from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.free import any_local, of_machine
-from escalator_twin.diagnosis.leftovers import names_all, repeated_by
+from escalator_twin.diagnosis.leftovers import names_all, perhaps_of, repeated_by
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.recordings import (
@@ -36,6 +36,7 @@ from escalator_twin.diagnosis.recordings import (
     searched_row,
 )
 from escalator_twin.diagnosis.speeds import KNOB, law_of
+from escalator_twin.diagnosis.suggested import NOTHING, Suggested
 from escalator_twin.diagnosis.together import (
     fitted_together,
     Groups,
@@ -59,7 +60,7 @@ def diagnose_bag(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
-    suggested: Sequence[Proposal] = (),
+    suggested: Suggested = NOTHING,
 ) -> Diagnosis:
     """Diagnose one recording; see `diagnose_recording`."""
     machine = load_machine(machine_path)
@@ -169,7 +170,7 @@ class Work:
             self.pool.map(experiment_of, self.paths, [self.machine_path] * len(self.paths))
         )
 
-    def search(self, some: Sequence[int], suggested: Sequence[Proposal]) -> dict[int, Diagnosis]:
+    def search(self, some: Sequence[int], suggested: Suggested = NOTHING) -> dict[int, Diagnosis]:
         """Search recordings, all of them with what is suggested to begin with."""
         # each with all jobs: one may end long before the other, and two are fewer than many cores
         one = partial(
@@ -324,7 +325,7 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
         Those whose experiments differ most.
     """
     first, rest = chosen[:FIRST], chosen[FIRST:]
-    scouts = work.search(first, [])
+    scouts = work.search(first)
     repeated = repeated_by(list(scouts.values()))
     suggested = shared_by(list(scouts.values()))
     groups = union_of(list(scouts.values()))
@@ -335,10 +336,12 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
         together, fitted = work.fit(chosen, scouts, groups)
         confirmed = work.confirm(rest, groups, together)
         rest = [k for k in rest if confirmed[k].is_open]
-    later = work.search(rest, [*suggested, *repeated])
+    # beside single links a search takes long
+    perhaps = perhaps_of(list(scouts.values())) if any_local(named) else []
+    later = work.search(rest, Suggested((*suggested, *repeated), tuple(perhaps)))
     if repeated and later and all(names_all(scout, repeated) for scout in later.values()):
         work.total += SEARCH_COST * len(first)
-        scouts = work.search(first, shared_by(list(later.values())))
+        scouts = work.search(first, Suggested(tuple(shared_by(list(later.values())))))
     if later or not confirmed:
         scouts |= later
         groups = union_of(list(scouts.values()))
@@ -352,8 +355,9 @@ def look_together(work: Work, chosen: Sequence[int]) -> Looked:
 def search_all(work: Work) -> Looked:
     """Search every recording of a machine of free bodies: nothing else is known of how to put effects beside it."""
     every = range(len(work.paths))
-    scouts = work.search(every[:FIRST], [])
-    scouts |= work.search(every[FIRST:], shared_by(list(scouts.values())))
+    scouts = work.search(every[:FIRST])
+    suggested = Suggested(tuple(shared_by(list(scouts.values()))))
+    scouts |= work.search(every[FIRST:], suggested)
     groups = union_of(list(scouts.values()))
     return Looked(groups, scouts, {}, None, frozenset())
 

@@ -98,14 +98,14 @@ def shared_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
     return [
         pooled([(f.proposal, f.sd) for f, _ in group]).proposal
         for group in union_of(scouts)
-        if len(group) == len(scouts)
-        and of_machine(group[0][0].proposal)
-        and group[0][0].proposal.fitted
-        and _may_begin_with(group[0][0].proposal)
+        if len(group) == len(scouts) and may_begin_with(group[0][0].proposal)
     ]
 
 
-def _may_begin_with(effect: Proposal) -> bool:
+def may_begin_with(effect: Proposal) -> bool:
+    """Tell whether a search may begin with an effect that another recording named."""
+    if not of_machine(effect) or not effect.fitted:
+        return False
     return effect.cause == ROUND or 'phase_rad' not in effect.parameters
 
 

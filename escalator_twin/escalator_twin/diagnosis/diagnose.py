@@ -1,6 +1,6 @@
 """One recording's diagnosis, from the bag's signals to the numbers of contracts.md."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,11 +17,11 @@ from escalator_twin.diagnosis.floor import load_floor
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.preparation import prepare
-from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.speeds import Rolled, rolled
 from escalator_twin.diagnosis.split import split
 from escalator_twin.diagnosis.stage import run_beside
+from escalator_twin.diagnosis.suggested import NOTHING, Suggested
 from escalator_twin.diagnosis.telling import (
     candidates,
     no_place,
@@ -103,7 +103,7 @@ def diagnose_recording(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
-    suggested: Sequence[Proposal] = (),
+    suggested: Suggested = NOTHING,
 ) -> Diagnosis:
     """Diagnose one recording.
 
@@ -117,7 +117,7 @@ def diagnose_recording(
         Simulations at a time.
     progress : callable, optional
         Gets (done, total).
-    suggested : sequence of Proposal
+    suggested : Suggested
         See `walk`.
 
     Raises

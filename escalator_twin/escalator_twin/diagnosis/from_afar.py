@@ -11,14 +11,18 @@ from escalator_twin.diagnosis.fitting import fitted_beside
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.diagnosis.verdict import neutral_of, size_in_tolerances
 
 FIRST_STEPS = 1  # of a contender, before the best is known
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
 CLOSEST = 0.85  # the same of what was sought from afar
+# Tolerances of a size: two starts nearer than that are one. An argument, not measured: a fit's first step, which tunes
+# all tolerances, leads farther; of one resistance by its slope and by a far change they were 0.01 to 0.02 apart.
+ONE_START = 0.5
 # Whose ends or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
 
@@ -104,16 +108,36 @@ def _tried_afar(
             cause, places
         )
 
+    stage = base.stage.lean(base.model)
     first = pool.map(
-        lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
+        lambda p: refine(stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
-    leading = [r for r in refined if r.gain > CLOSEST * refined[0].gain][:2]
+    leading = _apart([r for r in refined if r.gain > CLOSEST * refined[0].gain])[:2]
     leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if not is_far(r)]
     return _fitted_afar(context, afar, place, known, leading, pool, jobs, places)
+
+
+def _apart(refined: Sequence[Refined]) -> list[Refined]:
+    """Return refined causes without those that would be fitted from where a better one is."""
+    kept: list[Refined] = []
+    for one in refined:
+        if not any(_begin_alike(one.proposal, other.proposal) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _begin_alike(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two of one cause at one place are nearly of one size."""
+    if not same_place(one, other) or not one.fitted:
+        return False
+    key = one.fitted[0]
+    neutral = neutral_of(one.cause, key)
+    is_one_way = (one.parameters[key] - neutral) * (other.parameters[key] - neutral) > 0.0
+    return is_one_way and abs(size_in_tolerances(one) - size_in_tolerances(other)) < ONE_START
 
 
 def _least(cause: str, places: Sequence[Beside]) -> float:
@@ -138,7 +162,8 @@ def _at_edges(
     base = afar.place
     done = {t.proposal.cause for t in tried if t.polished is not None}
     edges = [e for e in afar.edges if e.cause not in done]
-    runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
+    stage = base.stage.lean(base.model)
+    runs = pool.map(lambda p: refine(stage, base.model, base.fitted, p, 0), edges)
     found = [r for r in runs if r is not None]
     places = [place, *(t.polished.place for t in tried if t.polished is not None)]
     return _fitted_afar(context, afar, place, known, found, pool, jobs, places)

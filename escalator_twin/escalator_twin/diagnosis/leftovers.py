@@ -1,4 +1,4 @@
-"""What several recordings leave in one form.
+"""What several recordings leave in one form, or one of them names alone.
 
 In one recording, what little an accepted effect leaves may be its own law's error. That error has no
 reason to look like one other effect of one size at other speeds, loads and preloads: what does is
@@ -7,12 +7,19 @@ suggested to the recordings that are searched next, and named where they have it
 
 from collections.abc import Sequence
 
-from escalator_twin.diagnosis.campaign import LEAST_PART, pooled, SURE_SD
+from escalator_twin.diagnosis.campaign import (
+    LEAST_PART,
+    may_begin_with,
+    pooled,
+    SURE_SD,
+    union_of,
+)
 from escalator_twin.diagnosis.conclusion import NAMED
 from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.telling import alternatives
 from escalator_twin.diagnosis.verdict import LAW_ERROR, neutral_of
 
 # Of what the strongest effect explains: a law that is off by so many of its standard deviations.
@@ -50,6 +57,29 @@ def repeated_by(scouts: Sequence[Diagnosis]) -> list[Proposal]:
     ways = [(row.proposal.parameters[key] - neutral) * mean for row in rows]
     square = mean * mean
     return [joint] if all(LEAST_PART * square < w < square / LEAST_PART for w in ways) else []
+
+
+def perhaps_of(scouts: Sequence[Diagnosis]) -> list[Proposal]:
+    """Return what one search names beside what all do, all others naming that alone.
+
+    What is small shows in one recording and not in another. Nothing where two name different things, since one of
+    them is wrong; nothing that the one may have taken for something else.
+
+    Parameters
+    ----------
+    scouts : sequence of Diagnosis
+        Searched with nothing suggested.
+    """
+    groups = union_of(scouts)
+    more = [group[0] for group in groups if len(group) < len(scouts)]
+    if len(more) == len(groups):
+        return []
+    effects = [found.proposal for found, _ in more]
+    named = [[e for e in effects if names_all(scout, [e])] for scout in scouts]
+    if sorted(len(some) for some in named)[-2:] != [0, len(effects)]:
+        return []
+    sure = [found for found, _ in more if set(alternatives(found)) <= {'friction_speed'}]
+    return [found.proposal for found in sure if may_begin_with(found.proposal)]
 
 
 def names_all(scout: Diagnosis, effects: Sequence[Proposal]) -> bool:

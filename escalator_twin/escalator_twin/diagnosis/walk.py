@@ -27,12 +27,12 @@ from escalator_twin.diagnosis.found import (
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between
 from escalator_twin.diagnosis.hollows import out_of_hollow
-from escalator_twin.diagnosis.phases import rolled_here
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regroup import regrouped
 from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
+from escalator_twin.diagnosis.suggested import begun, NOTHING, Suggested
 from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
@@ -43,7 +43,6 @@ from escalator_twin.diagnosis.unexplained import (
 from escalator_twin.diagnosis.verdict import (
     by_data,
     EFFECT_TOLERANCES,
-    neutral_of,
     size_in_tolerances,
     weigh,
     Weighed,
@@ -63,7 +62,7 @@ def walk(
     start: Sequence[Proposal] = (),
     say: Say | None = None,
     bench: Bench | None = None,
-    suggested: Sequence[Proposal] = (),
+    suggested: Suggested = NOTHING,
 ) -> Walked:
     """Find the effects in one recording.
 
@@ -78,19 +77,16 @@ def walk(
         Gets a line on each round.
     bench : Bench, optional
         Of the machine's kind; that of linked chains where it is not given.
-    suggested : sequence of Proposal
-        Effects of the machine that other recordings of it named. Fitted here before anything is
-        sought; where not all of them are effects here, nothing of it is kept.
+    suggested : Suggested
+        Fitted here before anything is sought.
     """
     bench = bench or LINKED
     found: list[Found] = []
     before = place = freed(context.place or beside(context), start)
-    if suggested:
-        asked = [rolled_here(place, effect) for effect in suggested]
-        first = bench.again(context, place, [*start, *asked], jobs)
-        found = _confirmed(first, len(start), suggested)
-        if found:
-            context, place = first.context, freed(first.place, start)
+    first = begun(bench.again, context, place, start, suggested, jobs)
+    if first is not None:
+        found = first[1]
+        context, place = first[0].context, freed(first[0].place, start)
     weighed: list[Weighed] = []
     left: Found | None = None
     last: Round | None = None
@@ -240,25 +236,6 @@ def _left(weighed: Sequence[Weighed], tried: Sequence[Tried]) -> Found | None:
     if not weighed or weighed[0].probability < ACCEPT:
         return None
     return _found(weighed, _match(weighed[0], tried))
-
-
-def _confirmed(polished: Polished, first: int, suggested: Sequence[Proposal]) -> list[Found]:
-    """Return suggested effects as a recording itself has them; none unless it has all of them.
-
-    What one explains is taken from how many of its standard deviations it is away from none; of
-    what this recording says nothing of there is no standard deviation, and it is not one here.
-    """
-    found: list[Found] = []
-    rows = list(zip(polished.effects, polished.sd, strict=True))[first:]
-    for effect, sd in rows:
-        key = effect.fitted[0]
-        if not sd.get(key):
-            return []
-        gain = ((effect.parameters[key] - neutral_of(effect.cause, key)) / sd[key]) ** 2
-        (weighed,) = weigh([(effect, gain)])
-        if weighed.probability >= ACCEPT:
-            found.append(Found(effect, weighed.probability, sd, gain, (weighed,)))
-    return found if len(found) == len(suggested) else []
 
 
 def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
