@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
-from searches import CHAIN, LINK, LONGER_M, scout, told
+from searches import CHAIN, LINK, LONGER_M, scout, told, TOLD_M
 import trials
 
 from escalator_twin import bagfile
@@ -199,15 +199,15 @@ def test_what_effects_stand_for_is_no_tolerance_that_it_begins_with(monkeypatch)
         def run(self, point):
             return point
 
-        def begun(self, _, mean):
-            raise BegunError(mean)
+        def begun(self, _, beginnings):
+            raise BegunError(beginnings)
 
     spring = replace(CHAIN, cause='tensioner_stiffness', nuisance='tensioner.stiffness')
     drive = replace(CHAIN, cause='drive_stiffness', nuisance='drive.stiffness')
     turned = {'tensioner.stiffness': 2.0, 'drive.stiffness': 1.0, 'chain.mass': 0.5}
     with pytest.raises(BegunError) as told_by:
         Beginning(None).found([Part(None, (CHAIN, spring), (drive,), None, turned)], 1)
-    assert told_by.value.args[0] == {('chain.mass',): 0.5}
+    assert told_by.value.args[0] == [((CHAIN, spring), {('chain.mass',): 0.5})]
 
 
 @pytest.mark.parametrize(
@@ -238,22 +238,81 @@ def test_it_goes_on_from_where_a_first_step_leads_lower(none, mean, from_mean):
             return replace(point, levels=(after.get(point.levels[0], point.levels[0]),)), []
 
     start = Point((), (), (CHAIN,), {}, (), (none[0],))
-    point, _ = Steps(None).begun(start, {('chain.mass',): 0.0})
+    point, _ = Steps(None).begun(start, [((CHAIN,), {('chain.mass',): 0.0})])
     first = [(row[0], 1, True) for row in (none, mean) if row]
     there = mean[1] if from_mean else none[1]
     assert asked == [*first, (there, shared.MOST_STEPS - 1, False)]
     assert point.turned == ({('chain.mass',): 0.0} if from_mean else {})
     asked.clear()
-    Steps(None).begun(start, {})
+    Steps(None).begun(start, [])
     assert [row[0] for row in asked] == [none[0], none[1]]
+
+
+def test_it_may_begin_as_each_recording_that_has_all_effects():
+    one, other = told(1.2e-4), told(1.8e-4)
+    rows = [
+        ({'chain.mass': 2.0, 'experiment.load': 1.0}, (one,)),
+        ({'chain.mass': -1.0, 'experiment.load': -2.0, 'tensioner.stiffness': 0.5}, (other,)),
+        (
+            {'chain.mass': 2.5, 'experiment.load': 0.5},
+            (),
+        ),  # without the chain: turned for want of it
+        ({}, ()),
+    ]
+    parts = [Part(None, (CHAIN,), (), None, turned, sized) for turned, sized in rows]
+    loads = {('experiment.load', '0'): 1.0, ('experiment.load', '1'): -2.0}
+    assert points.beginnings(parts, {'None'}) == [
+        ((CHAIN,), {('chain.mass',): 0.5, ('tensioner.stiffness',): 0.5, **loads}),
+        ((one,), {('chain.mass',): 2.0, **loads}),
+        ((other,), {('chain.mass',): -1.0, ('tensioner.stiffness',): 0.5, **loads}),
+    ]
+    # none has them all: the mean of what there is
+    bare = [replace(part, sized=()) for part in parts[:2]]
+    assert [effects for effects, _ in points.beginnings(bare, ())] == [(CHAIN,)]
+    assert points.beginnings(bare, ())[0][1]['chain.mass',] == 0.5
+    assert points.beginnings([Part(None, (CHAIN,))], ()) == []
+
+
+def test_of_some_beginnings_it_goes_on_from_the_nearest():
+    levels, ran = {1.9e-4: 700.0, 1.2e-4: 400.0, 1.8e-4: 500.0}, []
+
+    class Steps(shared._Fit):
+        def run(self, point):
+            size = point.effects[0].parameters['length_m']
+            if size == 1.8e-4:
+                raise RecordingError('the chain has left its guide')
+            return replace(point, levels=(levels[size],))
+
+        def taken_anew(self, point):
+            ran.append(point.effects[0])
+            return point
+
+        def descend(self, point, *_, **__):
+            return point, []
+
+    start = Point((), (), (CHAIN,), {}, (), (900.0,))
+    some = [((told(m),), {('chain.mass',): 1.0}) for m in levels]
+    assert Steps(None).begun(start, some)[0].effects == (told(1.2e-4),)
+    assert ran == [told(1.2e-4)]
 
 
 def test_every_recording_brings_the_tolerances_of_its_search(monkeypatch):
     asked = []
-    monkeypatch.setattr(together, 'fit_together', lambda parts, _: asked.extend(parts) or sized())
-    scouts = [scout(CHAIN, turned={'chain.mass': 0.5}), scout(CHAIN, turned={'chain.mass': 1.5})]
-    together.fitted_together(['a', 'b', 'c'], [*scouts, None], union_of(scouts))
-    assert [part.turned for part in asked] == [{'chain.mass': 0.5}, {'chain.mass': 1.5}, {}]
+
+    def fit(parts, _):
+        asked.extend(parts)
+        raise RecordingError('enough is known')
+
+    monkeypatch.setattr(together, 'fit_together', fit)
+    one, spring = told(1.2e-4), replace(CHAIN, cause='tensioner_stiffness', location={})
+    ways = [{'chain.mass': 0.5}, {'chain.mass': 1.5}, {'chain.mass': 2.5}]
+    named = [(one, spring), (CHAIN, spring), (CHAIN,)]
+    scouts = [scout(*n, turned=turned) for n, turned in zip(named, ways, strict=True)]
+    together.fitted_together(list('abcd'), [*scouts, None], union_of(scouts))
+    assert [part.turned for part in asked] == [*ways, {}]
+    assert [[e.parameters['length_m'] for e in p.sized] for p in asked] == [
+        [1.2e-4, TOLD_M], [TOLD_M, TOLD_M], [], [],
+    ]  # fmt: skip
 
 
 def sized():

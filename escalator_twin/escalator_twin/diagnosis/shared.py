@@ -21,13 +21,22 @@ from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.joint import moved_all, shaking_of
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.normals import jackknife, Normal, solve
-from escalator_twin.diagnosis.points import moved_from, own_fit, Part, Point, Runs, squares
+from escalator_twin.diagnosis.points import (
+    Beginning,
+    beginnings,
+    moved_from,
+    own_fit,
+    Part,
+    Point,
+    Runs,
+    squares,
+)
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import slope_of
 from escalator_twin.diagnosis.regression import Fitted, inner_products, swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tuning import KICKS, WORTH_A_ROUND
-from escalator_twin.diagnosis.unknowns import EFFECT, mean_of, Name, name_of, of_recording
+from escalator_twin.diagnosis.unknowns import EFFECT, Name, name_of, of_recording
 from escalator_twin.errors import EscalatorError
 
 MOST_STEPS = 5  # of Gauss and Newton, before a far turn and after: time
@@ -107,8 +116,7 @@ class _Fit(Runs):
     def found(self, parts: Sequence[Part], rounds: int) -> Shared:
         start = self.start(parts)
         stood_for = {str(e.nuisance) for r in range(len(parts)) for e in start.of(r)}
-        mean = mean_of([part.turned for part in parts], stood_for)
-        point, lines = self.begun(start, mean)
+        point, lines = self.begun(start, beginnings(parts, stood_for))
         for kick in KICKS[:rounds]:
             turned = self.kicked(point, lines, kick)
             if turned is None:
@@ -129,13 +137,22 @@ class _Fit(Runs):
             tuple(_quiet_level(place, point.effects) for place in point.places),
         )
 
-    def begun(self, point: Point, mean: Mapping[Name, float]) -> tuple[Point, list[_Line]]:
-        """Step down from no tolerance, or from those of the searches where a first step leads lower from there."""
-        starts = [point]
-        if mean:
-            with suppress(EscalatorError):  # each of them was run, their mean was not
-                starts.append(self.taken_anew(self.run(replace(point, turned=mean))))
-        first = [self.descend(start, most=1) for start in starts]
+    def begun(self, point: Point, beginnings: Sequence[Beginning]) -> tuple[Point, list[_Line]]:
+        """Step down from no tolerance, or from where the searches lead if a first step comes lower from there.
+
+        Of several such beginnings, from the one that fits all recordings best as it is.
+        """
+        first = [self.descend(point, most=1)]
+        there = []
+        for effects, turned in beginnings:
+            with suppress(
+                EscalatorError
+            ):  # a mean was not run yet, nor one recording's beside another
+                there.append(self.run(replace(point, effects=effects, turned=turned)))
+        if there:
+            with suppress(EscalatorError):
+                nearest = min(there, key=lambda start: start.level)
+                first.append(self.descend(self.taken_anew(nearest), most=1))
         point, _ = min(first, key=lambda row: row[0].level)
         return self.descend(point, MOST_STEPS - 1, is_anew=False)
 

@@ -1,7 +1,7 @@
 """What the searched recordings of one machine say of its effects' sizes together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from escalator_twin.diagnosis.campaign import Joint, MANY, pooled, Sized
@@ -103,6 +103,7 @@ def fitted_together(
             own_of(scout, others),
             partial(_free, measured_in(scout, faults)),
             scout.turned if scout else {},
+            _sized_by(scout, effects),
         )
         for context, scout in zip(contexts, scouts, strict=True)
     ]
@@ -141,6 +142,17 @@ def own_of(scout: Diagnosis | None, effects: Sequence[Proposal]) -> tuple[Propos
         elif 'phase_rad' not in effect.parameters:
             rows.append(effect)
     return tuple(rows)
+
+
+def _sized_by(scout: Diagnosis | None, effects: Sequence[Proposal]) -> tuple[Proposal, ...]:
+    """Return effects as one search has them; empty where it does not name them all."""
+    named = _named(scout)
+    rows = [next((one for one in named if same_place(e, one)), None) for e in effects]
+    return tuple(
+        replace(effect, parameters=one.parameters, location=one.location)
+        for effect, one in zip(effects, rows, strict=True)
+        if one is not None and None not in rows
+    )
 
 
 def measured_in(scout: Diagnosis | None, all_named: Sequence[Proposal]) -> list[Proposal]:

@@ -43,3 +43,17 @@ def mean_of(turned: Sequence[Mapping[str, float]], without: Collection[str]) -> 
             if tolerance not in without:
                 found.setdefault(name_of(tolerance, r), []).append(z)
     return {name: float(np.mean(ways)) for name, ways in found.items()}
+
+
+def of_one(
+    turned: Sequence[Mapping[str, float]], r: int, without: Collection[str]
+) -> dict[Name, float]:
+    """Return the tolerances as one recording has the machine's, each what was set for it by itself.
+
+    Parameters are those of `mean_of`, which is what this is of one recording alone; ``r`` is its number.
+    """
+    alone = [
+        own if k == r else {name: z for name, z in own.items() if name.startswith(OWN)}
+        for k, own in enumerate(turned)
+    ]
+    return mean_of(alone, without)
