@@ -16,7 +16,6 @@ from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.physics.course import course_of
-from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Experiment, Finding, Floats, Recording
 from escalator_twin.sync.ground import scan_shift
 from escalator_twin.sync.place import clear_lead, find_place, Place
@@ -63,8 +62,6 @@ class Setting:
     lead : float
         Log-likelihood by which the place beats the best one at another pitch.
     findings : tuple of Finding
-    added : Trace or None
-        To every run beside the recording: what effects do that are not run, see `leaned`.
     """
 
     experiment: Experiment
@@ -78,7 +75,6 @@ class Setting:
     travel: Travel
     lead: float
     findings: tuple[Finding, ...]
-    added: Trace | None = None
 
     @property
     def is_certain(self) -> bool:

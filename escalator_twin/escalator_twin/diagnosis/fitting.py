@@ -1,15 +1,12 @@
 """Fit an effect together with the machine's tolerances and with all that is known already."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import inf
 
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
-from escalator_twin.diagnosis.knobs import RACKING
-from escalator_twin.diagnosis.leaning import leaned
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import approach, polish, Polished, STEPS
 from escalator_twin.diagnosis.proposals import Proposal
@@ -95,9 +92,18 @@ def fitted_beside(
     if refined.proposal.cause in DRIVE:
         refined = realigned(context, place, refined, jobs)
     before = place.stage.judged(place.fitted, refined.proposal.cause)
-    most = inf if turned is None or turned else MOST_LED * min(before, level)
     try:
-        polished = _polished(context, place, known, refined.proposal, turned, jobs, most)
+        polished = polish(
+            context,
+            [*of_machine_among(known), refined.proposal],
+            place.stage.turned if turned is None else turned,
+            lambda p: freed(p, known),
+            refined.proposal.cause in MOVES_RESONANCE,
+            jobs,
+            STEPS_AT_LENGTH if refined.proposal.cause in LOCAL else STEPS,
+            is_near=turned is not None and bool(turned),
+            most=inf if turned is None or turned else MOST_LED * min(before, level),
+        )
     except EscalatorError:
         return plain(refined)
     proposal = polished.effects[-1]
@@ -105,54 +111,6 @@ def fitted_beside(
     if turned is None and gain <= 0.5 * refined.gain:
         return plain(refined)
     return Tried(proposal, gain, polished.sd[-1], polished)
-
-
-def _polished(
-    context: Context,
-    place: Beside,
-    known: Sequence[Proposal],
-    proposal: Proposal,
-    turned: Mapping[str, float] | None,
-    jobs: int,
-    most: float,
-) -> Polished:
-    """Fit a proposal and what is known; beside effects of single links first without running these."""
-    begin = place.stage.turned if turned is None else turned
-    is_near = turned is not None and bool(turned)
-    is_local = proposal.cause in LOCAL
-    lean = None if is_local else leaned(context, known, place.stage.turned)
-
-    def fitted(near: Context, effects: Sequence[Proposal]) -> Polished:
-        return polish(
-            near,
-            effects,
-            begin,
-            lambda p: freed(p, known),
-            proposal.cause in MOVES_RESONANCE,
-            jobs,
-            STEPS_AT_LENGTH if is_local else STEPS,
-            is_near=is_near,
-            most=most,
-        )
-
-    if lean is None:
-        return fitted(context, [*of_machine_among(known), proposal])
-    near, rest = lean
-    found = fitted(near, [*rest, proposal])
-    others = iter(found.effects)
-    effects = [k if k.cause in LOCAL else next(others) for k in of_machine_among(known)]
-    turned = found.place.stage.turned
-    kept = {k: z for k, z in place.stage.turned.items() if k == RACKING}
-    return polish(
-        replace(found.context, setting=context.setting),
-        [*effects, *others],
-        {**kept, **turned},
-        lambda p: freed(p, known),
-        jobs=jobs,
-        steps=STEPS_AT_LENGTH,
-        is_near=True,
-        most=most,
-    )
 
 
 def fitted_near(known: Sequence[Proposal], tried: Tried, near: Polished, jobs: int = 1) -> Tried:

@@ -232,15 +232,6 @@ class Stage:
 
 def run_beside(machine: Machine, experiment: Experiment, setting: Setting) -> Trace:
     """Run a machine as a recording ran, at even speed; what hunts in time keeps the recording's."""
-    trace = _run(machine, experiment, setting)
-    more = setting.added
-    if more is None:
-        return trace
-    columns, place_m = trace.columns + more.columns, trace.place_m + more.place_m
-    return replace(trace, columns=columns, place_m=place_m, rack_m=trace.rack_m + more.rack_m)
-
-
-def _run(machine: Machine, experiment: Experiment, setting: Setting) -> Trace:
     args = machine.instruments.sensors, setting.start_s_m, setting.duration_s, RATE_HZ
     trace = run_periodic(built(machine, experiment), *args)
     if trace is not None:
