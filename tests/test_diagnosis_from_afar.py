@@ -33,9 +33,7 @@ class Held:
 
 def leveled(chi2, shaken=0.0):
     """Return a machine beside a recording, and what is left there; a cause that shakes is judged by more."""
-    stage = SimpleNamespace(
-        judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING), lean=lambda _: stage
-    )
+    stage = SimpleNamespace(judged=lambda fitted, cause='': fitted + shaken * (cause in SHAKING))
     return SimpleNamespace(stage=stage, model=None, fitted=chi2)
 
 
@@ -72,7 +70,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     monkeypatch.setattr(closing, 'is_open', lambda place, *_: place.is_open)
     monkeypatch.setattr(closing, 'excess_of', lambda *_: 100.0)
     context = Held(None, Held({}), None)
-    stage = SimpleNamespace(judged=lambda *_: 1e4, lean=lambda _: stage)
+    stage = SimpleNamespace(judged=lambda *_: 1e4)
     place = SimpleNamespace(stage=stage, model=None, fitted=None, is_open=is_open)
     afar = Afar(context, place, [ROLLING, LANDING], edges)
     from_afar.tried_from_afar(context, afar, place, known, [], [], 1)
@@ -107,7 +105,7 @@ def test_what_left_nearly_nothing_is_not_fitted_there_again(monkeypatch, left, f
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.left)
     place, there = (
         SimpleNamespace(
-            stage=SimpleNamespace(judged=lambda fitted, *_: fitted, lean=lambda _: None),
+            stage=SimpleNamespace(judged=lambda fitted, *_: fitted),
             model=None,
             fitted=x + 1e3,
             left=x,

@@ -108,9 +108,8 @@ def _tried_afar(
             cause, places
         )
 
-    stage = base.stage.lean(base.model)
     first = pool.map(
-        lambda p: refine(stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
+        lambda p: refine(base.stage, base.model, base.fitted, p, FIRST_STEPS), afar.proposals
     )
     refined = sorted((r for r in first if r is not None), key=lambda r: -r.gain)
     leading = _apart([r for r in refined if r.gain > CLOSEST * refined[0].gain])[:2]
@@ -162,8 +161,7 @@ def _at_edges(
     base = afar.place
     done = {t.proposal.cause for t in tried if t.polished is not None}
     edges = [e for e in afar.edges if e.cause not in done]
-    stage = base.stage.lean(base.model)
-    runs = pool.map(lambda p: refine(stage, base.model, base.fitted, p, 0), edges)
+    runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
     found = [r for r in runs if r is not None]
     places = [place, *(t.polished.place for t in tried if t.polished is not None)]
     return _fitted_afar(context, afar, place, known, found, pool, jobs, places)
