@@ -251,7 +251,8 @@ def test_a_frame_that_shows_beside_tuned_tolerances_alone_is_fitted_there(
 
 def test_of_two_starts_that_are_one_the_better_is_fitted():
     """A slope and a far change lead to one size by a step of the twin, or on either side of none."""
-    sizes = {'by slope': 1.7642, 'by a far change': 1.7653, 'much farther': 2.4, 'less': 0.6}
+    sizes = {'by slope': 1.7642, 'by a far change': 1.7653, 'much farther': 2.4}
+    sizes |= {'as much less': 2.0 - 1.7642, 'as many times less': 1.0 / 1.7642}
     starts = [
         SimpleNamespace(proposal=replace(ROLLING, parameters={'factor': f}, fitted=('factor',)))
         for f in sizes.values()

@@ -145,9 +145,8 @@ class _Fit(Runs):
         first = [self.descend(point, most=1)]
         there = []
         for effects, turned in beginnings:
-            with suppress(
-                EscalatorError
-            ):  # a mean was not run yet, nor one recording's beside another
+            # a mean was not run yet, nor what one recording has beside another
+            with suppress(EscalatorError):
                 there.append(self.run(replace(point, effects=effects, turned=turned)))
         if there:
             with suppress(EscalatorError):
