@@ -315,6 +315,14 @@ def test_every_recording_brings_the_tolerances_of_its_search(monkeypatch):
     ]  # fmt: skip
 
 
+def test_a_search_that_misses_a_single_links_effect_is_no_beginning():
+    """Its tolerances were turned for want of it."""
+    there = scout(told(1.2e-4), LINK, turned={'chain.mass': 0.5})
+    assert together.sized_by(there, (CHAIN,), (LINK,)) == (told(1.2e-4),)
+    for missing in (scout(told(1.2e-4)), scout(LINK), None):
+        assert together.sized_by(missing, (CHAIN,), (LINK,)) == ()
+
+
 def sized():
     return Shared((CHAIN,), {}, ({'length_m': 1e-6},), (1e4, 1e4, 1e4))
 

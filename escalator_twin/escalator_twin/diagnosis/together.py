@@ -103,7 +103,7 @@ def fitted_together(
             own_of(scout, others),
             partial(_free, measured_in(scout, faults)),
             scout.turned if scout else {},
-            _sized_by(scout, effects),
+            sized_by(scout, effects, others),
         )
         for context, scout in zip(contexts, scouts, strict=True)
     ]
@@ -133,10 +133,9 @@ def own_of(scout: Diagnosis | None, effects: Sequence[Proposal]) -> tuple[Propos
 
     Where it does not name one, it has the others' numbers, or none where it had to have a phase.
     """
-    named = _named(scout)
     rows = []
     for effect in effects:
-        there = next((one for one in named if same_place(effect, one)), None)
+        there = _as_named(scout, effect)
         if there is not None:
             rows.append(there)
         elif 'phase_rad' not in effect.parameters:
@@ -144,15 +143,23 @@ def own_of(scout: Diagnosis | None, effects: Sequence[Proposal]) -> tuple[Propos
     return tuple(rows)
 
 
-def _sized_by(scout: Diagnosis | None, effects: Sequence[Proposal]) -> tuple[Proposal, ...]:
-    """Return effects as one search has them; empty where it does not name them all."""
-    named = _named(scout)
-    rows = [next((one for one in named if same_place(e, one)), None) for e in effects]
+def sized_by(
+    scout: Diagnosis | None, effects: Sequence[Proposal], others: Sequence[Proposal]
+) -> tuple[Proposal, ...]:
+    """Return effects as one search has them; empty where it does not name them and all ``others``."""
+    if any(_as_named(scout, other) is None for other in others):
+        return ()
+    rows = [_as_named(scout, effect) for effect in effects]
     return tuple(
         replace(effect, parameters=one.parameters, location=one.location)
         for effect, one in zip(effects, rows, strict=True)
         if one is not None and None not in rows
     )
+
+
+def _as_named(scout: Diagnosis | None, effect: Proposal) -> Proposal | None:
+    """Return an effect as a search has it, None where it does not name it."""
+    return next((one for one in _named(scout) if same_place(effect, one)), None)
 
 
 def measured_in(scout: Diagnosis | None, all_named: Sequence[Proposal]) -> list[Proposal]:
