@@ -56,7 +56,9 @@ def draw_set(
         A cause without a size is taken once, with the reference.
     """
     wanted = [(CLEAN, REFERENCE)] * clean
-    wanted += [(list(NOT_LISTED)[k % len(NOT_LISTED)], REFERENCE) for k in range(unlisted)]
+    strange = list(NOT_LISTED)  # few of them must not always be the same few
+    random.Random(seed).shuffle(strange)
+    wanted += [(strange[k % len(strange)], REFERENCE) for k in range(unlisted)]
     for name in causes:
         own = sizes if LISTED[name].has_size else [s for s in sizes if s == REFERENCE]
         wanted += [(name, size) for size in own for _ in range(per_cause)]

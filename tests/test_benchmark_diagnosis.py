@@ -7,7 +7,7 @@ import json
 import pytest
 
 from benchmarks import diagnosis
-from benchmarks.diagnosis import diagnose_all, draw_set, LISTED, recordings, score
+from benchmarks.diagnosis import diagnose_all, draw_set, LISTED, NOT_LISTED, recordings, score
 
 pytestmark = pytest.mark.issue(6)
 
@@ -19,14 +19,22 @@ def counted(plans):
 
 
 def test_a_set_holds_what_is_asked_for():
-    counts = counted(draw_set(5, 2, 7, 15, ['roller_drag', 'gauge_dead', 'step_mass'], BOTH))
+    kinds = len(NOT_LISTED)
+    counts = counted(
+        draw_set(5, 2, 7, kinds + 1, ['roller_drag', 'gauge_dead', 'step_mass'], BOTH)
+    )
     assert counts['clean', None] == 7
     assert counts['roller_drag', 'reference'] == counts['roller_drag', 'third'] == 2
     assert counts['step_mass', 'third'] == 2
     assert counts['gauge_dead', None] == 2  # it has no size, so it is there once
     unlisted = {name: n for (name, _), n in counts.items() if name.startswith('unlisted_')}
-    assert sum(unlisted.values()) == 15
-    assert len(unlisted) == 14  # each of them before any a second time
+    assert sum(unlisted.values()) == kinds + 1
+    assert len(unlisted) == kinds  # each of them before any a second time
+
+
+def test_a_few_that_are_on_no_list_are_not_the_same_few_in_every_set():
+    drawn = {p.cause for seed in range(20) for p in draw_set(seed, 0, 0, 3, [], BOTH)}
+    assert len(drawn) > len(NOT_LISTED) // 2
 
 
 def test_every_cause_of_the_list_can_be_drawn():

@@ -7,23 +7,29 @@ would leave nothing.  A frame's modal mass scales as 1 / share: half as heavy mo
 much.  Parameters that tell kind rather than size (frequencies, counts of teeth) do not scale.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
+from rig.catalogue_unlisted import NOT_LISTED
 from rig.instruments import LINKS
 from rig.make import Effect
-
-Random = np.random.Generator
-Draw = Callable[[Random, float], tuple[dict[str, Any], dict[str, Any]]]
+from rig.places import (
+    ANY_SIDE,
+    at_roller,
+    between,
+    either,
+    factor,
+    in_stretch,
+    Kind,
+    LOOP_M,
+    of_machine,
+    ONE_SIDE,
+    pick,
+    Random,
+    softer,
+    times,
+)
 
 SHARES = {'third': 1.0 / 3.0, 'reference': 1.0, 'twice': 2.0}
-LOOP_M = 24.4  # m, of places along the guide
-RUN_M = (0.8, 10.2)  # m, of the passenger run that is loaded
-ONE_SIDE = ('left', 'right')
-ANY_SIDE = ('left', 'right', 'both')
 GAUGED_CHANNELS = tuple(f'link_force/{link}' for link in LINKS)
 SPIKY_CHANNELS = (
     *GAUGED_CHANNELS,
@@ -35,82 +41,6 @@ GAP_GROUPS = (  # what shares a topic is lost together
     ('tensioner/displacement',),
     tuple(f'step/acceleration/{axis}' for axis in 'xyz'),
 )
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A cause that can be drawn; ``needs_load`` where an empty machine does not show it."""
-
-    draw: Draw
-    needs_load: bool = False
-    has_size: bool = True
-
-
-def pick(rng: Random, choices: tuple) -> Any:
-    """Return one of the choices as it is."""
-    return choices[int(rng.integers(len(choices)))]
-
-
-def factor(reference: float, share: float) -> float:
-    """Return a factor whose distance from 1 is the reference's times ``share``."""
-    return 1.0 + share * (reference - 1.0)
-
-
-def softer(reference: float, share: float) -> float:
-    """Return a factor that stays above 0: the reference to the power ``share``."""
-    return reference**share
-
-
-def of_machine(**sizes: Callable[[Random, float], float]) -> Draw:
-    """Return a draw without a place."""
-    return lambda rng, share: ({}, {k: size(rng, share) for k, size in sizes.items()})
-
-
-def at_roller(name: str, reference: float) -> Draw:
-    """Return a draw of one roller."""
-
-    def draw(rng: Random, share: float) -> tuple[dict, dict]:
-        place = {'axle': int(rng.integers(60)), 'side': pick(rng, ONE_SIDE)}
-        return place, {name: share * reference}
-
-    return draw
-
-
-def in_stretch(lengths_m: tuple[float, float], **sizes: Callable[[Random, float], float]) -> Draw:
-    """Return a draw of a stretch of the guide that does not cross the seam."""
-
-    def draw(rng: Random, share: float) -> tuple[dict, dict]:
-        length = rng.uniform(*lengths_m)
-        start = rng.uniform(0.0, LOOP_M - length)
-        place = {'s_from_m': round(start, 2), 's_to_m': round(start + length, 2)}
-        return place, {k: size(rng, share) for k, size in sizes.items()}
-
-    return draw
-
-
-def with_side(draw: Draw, sides: tuple[str, ...] = ANY_SIDE) -> Draw:
-    """Return the draw with a side among its places."""
-
-    def sided(rng: Random, share: float) -> tuple[dict, dict]:
-        place, size = draw(rng, share)
-        return {**place, 'side': pick(rng, sides)}, size
-
-    return sided
-
-
-def times(reference: float) -> Callable[[Random, float], float]:
-    """Return a size in proportion to the share."""
-    return lambda _rng, share: share * reference
-
-
-def either(*references: float) -> Callable[[Random, float], float]:
-    """Return a factor from one of several references."""
-    return lambda rng, share: factor(pick(rng, references), share)
-
-
-def between(low: float, high: float) -> Callable[[Random, float], float]:
-    """Return a number that does not scale with the share."""
-    return lambda rng, _share: float(rng.uniform(low, high))
 
 
 def link_elongation(rng: Random, share: float) -> tuple[dict, dict]:
@@ -205,19 +135,6 @@ def sensor_spikes(rng: Random, share: float) -> tuple[dict, dict]:
     return {'channel': pick(rng, SPIKY_CHANNELS)}, {'count': int(np.ceil(share * 20))}
 
 
-def lateral_kink(rng: Random, share: float) -> tuple[dict, dict]:
-    return {'s_m': round(rng.uniform(0.0, LOOP_M), 2)}, {'offset_m': share * 4e-3}
-
-
-def bent_axle(rng: Random, share: float) -> tuple[dict, dict]:
-    return {'axle': int(rng.integers(60))}, {'offset_m': share * 2e-3}
-
-
-def crosstalk(rng: Random, share: float) -> tuple[dict, dict]:
-    one, other = rng.choice(4, 2, replace=False)
-    return {'links': [LINKS[one], LINKS[other]]}, {'share': share * 0.06}
-
-
 LISTED: dict[str, Kind] = {
     'tensioner_friction': Kind(of_machine(force_N=times(150.0))),
     'tensioner_stiffness': Kind(of_machine(factor=either(0.7, 1.4))),
@@ -259,41 +176,6 @@ LISTED: dict[str, Kind] = {
     'mains_hum': Kind(mains_hum),
     'data_gap': Kind(data_gap),
     'sensor_spikes': Kind(sensor_spikes),
-}
-
-NOT_LISTED: dict[str, Kind] = {
-    'unlisted_stiffening_spring': Kind(of_machine(cubic_n_m3=times(1e9))),
-    'unlisted_rubbing_brake': Kind(
-        in_stretch(
-            (1.0, 3.0), force_N=times(60.0), period_s=between(6.0, 12.0), on_s=between(2.0, 4.0)
-        )
-    ),
-    'unlisted_blows': Kind(of_machine(force_N=times(1500.0), period_s=between(1.5, 4.0))),
-    'unlisted_soft_support': Kind(
-        with_side(in_stretch((1.0, 3.0), factor=lambda _rng, share: softer(0.15, share)))
-    ),
-    'unlisted_bent_axle': Kind(bent_axle),
-    'unlisted_second_mode': Kind(
-        of_machine(
-            frequency_hz=between(8.0, 12.0),
-            damping_ratio=between(0.02, 0.02),
-            modal_mass_kg=lambda _rng, share: 3000.0 / share,
-        )
-    ),
-    'unlisted_swinging_load': Kind(
-        of_machine(relative_amplitude=times(0.08), frequency_hz=between(0.5, 1.5)), needs_load=True
-    ),
-    'unlisted_misplaced_dog': Kind(of_machine(dogs=between(7, 7), offset_m=times(1e-3))),
-    'unlisted_slipping_dog': Kind(
-        of_machine(
-            share_of_peak=lambda _rng, share: 1.0 - 0.04 * share
-        )  # more and the chain runs away
-    ),
-    'unlisted_leaking_preload': Kind(of_machine(rate_1_s=times(1e-3))),
-    'unlisted_lateral_kink': Kind(lateral_kink),
-    'unlisted_worn_channel': Kind(with_side(in_stretch((1.0, 3.0), play_m=times(1.5e-3)))),
-    'unlisted_crosstalk': Kind(crosstalk),
-    'unlisted_sticking_reflex': Kind(of_machine(band_m=times(2e-4))),
 }
 
 KINDS = {**LISTED, **NOT_LISTED}

@@ -29,7 +29,8 @@ from rig.model import Model, RECORD
 from rig.recording import record, sample, Signals
 from rig.run import ROW_S, run
 from rig.sheet import Sheet
-from rig.unlisted import UNLISTED, UNLISTED_FAULTS
+from rig.unlisted import UNLISTED
+from rig.unlisted_faults import UNLISTED_FAULTS
 
 ALTERATIONS = {**MACHINE_CAUSES, **UNLISTED}
 ALL_FAULTS = {**FAULTS, **UNLISTED_FAULTS}

@@ -1,10 +1,8 @@
 """Effects that are on no list: the twin must say that it cannot name them.
 
-``UNLISTED`` changes the machine, ``UNLISTED_FAULTS`` the measurement; every name begins with
-``unlisted_``.
+``UNLISTED`` changes the machine; ``unlisted_faults.py`` has the measurement's.  Every name begins
+with ``unlisted_``.
 """
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,11 +14,10 @@ from rig.causes import (
     SIDE_INDEX,
     table_s,
 )
-from rig.faults import Fault
-from rig.instruments import LINKS
 from rig.machine import slope
 
 KINK_LENGTH_M = 0.6  # m, over which the lateral line leaves and returns
+JOINT_M = 0.06  # m, over which a rail's end rises to the next one's
 BLOW_WIDTH_S = 0.03  # s, of a half sine
 
 
@@ -120,6 +117,87 @@ def worn_channel(model, place, size, _rng):
     return model._replace(half_play=play)
 
 
+def settled_rail(model, place, size, _rng):
+    """Let the rail sink by ``depth_m`` over ``length_m``, much longer than a joint's bump."""
+    away = distance_on_loop(model, table_s(model), place['s_m'])
+    length = size['length_m']
+    dip = np.where(
+        np.abs(away) < 0.5 * length, 0.5 * (1.0 + np.cos(2.0 * np.pi * away / length)), 0.0
+    )
+    return with_normal(model, place['side'], -size['depth_m'] * dip)
+
+
+def corrugated_rail(model, place, size, _rng):
+    """Let a stretch of the rail be wavy: ``amplitude_m``, ``wavelength_m`` from crest to crest."""
+    s = table_s(model)
+    waves = np.sin(2.0 * np.pi * (s - place['s_from_m']) / size['wavelength_m'])
+    return with_normal(
+        model, place['side'], size['amplitude_m'] * waves * in_stretch(model, place)
+    )
+
+
+def high_rail(model, place, size, _rng):
+    """Let a piece of rail lie ``height_m`` too high from joint to joint."""
+    s = table_s(model)
+    from_end = np.minimum(s - place['s_from_m'], place['s_to_m'] - s)
+    return with_normal(
+        model, place['side'], size['height_m'] * np.clip(from_end / JOINT_M + 0.5, 0.0, 1.0)
+    )
+
+
+def with_normal(model, side, more):
+    """Add a height (m) to the rails of a side or both."""
+    normal = model.normal.copy()
+    for a in SIDE_INDEX[side]:
+        normal[a] += more
+    return model._replace(
+        normal=normal, normal_slope=np.stack([slope(n, model.cell) for n in normal])
+    )
+
+
+def dry_side(model, place, size, _rng):
+    """Let the rollers of one side alone roll harder."""
+    half = model.mass.size // 2
+    where = [a * half + i for a in SIDE_INDEX[place['side']] for i in range(half)]
+    return model._replace(
+        resistance=changed(model.resistance, where, lambda v: v * size['factor'])
+    )
+
+
+def poor_batch(model, place, size, _rng):
+    """Let every ``one_of``-th axle's rollers drag: one delivery of poor bearings."""
+    half = model.mass.size // 2
+    first, every = int(place['axle']), int(size['one_of'])
+    where = [a * half + i for a in (0, 1) for i in range(first % every, half, every)]
+    return model._replace(
+        extra_drag=changed(model.extra_drag, where, lambda v: v + size['force_N'])
+    )
+
+
+def alternating_links(model, _place, size, _rng):
+    """Let every second link be longer by ``length_m`` and its neighbours shorter."""
+    half = model.mass.size // 2
+    sign = np.where(np.arange(2 * half) % half % 2 == 0, 1.0, -1.0)
+    return model._replace(rest=model.rest + sign * size['length_m'])
+
+
+def soft_side(model, place, size, _rng):
+    """Let all links of one side be softer."""
+    half = model.mass.size // 2
+    where = [a * half + i for a in SIDE_INDEX[place['side']] for i in range(half)]
+    return model._replace(link_k=changed(model.link_k, where, lambda v: v * size['factor']))
+
+
+def damped_tensioner(model, _place, size, _rng):
+    """Let the carriage be damped ``factor`` times as strongly."""
+    return model._replace(tens_c=model.tens_c * size['factor'])
+
+
+def heavy_carriage(model, _place, size, _rng):
+    """Let the carriage be heavier by ``mass_kg``."""
+    return model._replace(carriage_mass=model.carriage_mass + size['mass_kg'])
+
+
 UNLISTED: dict[str, Alter] = {
     'unlisted_stiffening_spring': stiffening_spring,
     'unlisted_rubbing_brake': rubbing_brake,
@@ -133,27 +211,13 @@ UNLISTED: dict[str, Alter] = {
     'unlisted_leaking_preload': leaking_preload,
     'unlisted_lateral_kink': lateral_kink,
     'unlisted_worn_channel': worn_channel,
-}
-
-
-def crosstalk(signals, place, size, _rng):
-    """Let one link's gauges pick up a share of another's."""
-    strain = signals.strain.copy()
-    to, source = (LINKS.index(name) for name in place['links'])
-    strain[to] += size['share'] * (signals.strain[source] - signals.strain[source].mean(axis=0))
-    return replace(signals, strain=strain)
-
-
-def sticking_reflex(signals, _place, size, _rng):
-    """Let the reflex sensor's reading lag behind by a dead band."""
-    seen = signals.displacement.copy()
-    half = 0.5 * size['band_m']
-    for i in range(1, seen.size):
-        seen[i] = min(max(seen[i - 1], seen[i] - half), seen[i] + half)
-    return replace(signals, displacement=seen)
-
-
-UNLISTED_FAULTS: dict[str, Fault] = {
-    'unlisted_crosstalk': Fault(signals=crosstalk),
-    'unlisted_sticking_reflex': Fault(signals=sticking_reflex),
+    'unlisted_settled_rail': settled_rail,
+    'unlisted_corrugated_rail': corrugated_rail,
+    'unlisted_high_rail': high_rail,
+    'unlisted_dry_side': dry_side,
+    'unlisted_poor_batch': poor_batch,
+    'unlisted_alternating_links': alternating_links,
+    'unlisted_soft_side': soft_side,
+    'unlisted_damped_tensioner': damped_tensioner,
+    'unlisted_heavy_carriage': heavy_carriage,
 }

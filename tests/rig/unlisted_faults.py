@@ -1,0 +1,102 @@
+"""Faults of the measurement that are on no list; every name begins with ``unlisted_``."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from rig.faults import AXES, Fault
+from rig.instruments import LINKS
+from rig.recording import Signals
+
+WAVES = 1.0  # -, of warming and cooling within the recording
+
+
+def crosstalk(signals, place, size, _rng):
+    """Let one link's gauges pick up a share of another's."""
+    strain = signals.strain.copy()
+    to, source = (LINKS.index(name) for name in place['links'])
+    strain[to] += size['share'] * (signals.strain[source] - signals.strain[source].mean(axis=0))
+    return replace(signals, strain=strain)
+
+
+def sticking_reflex(signals, _place, size, _rng):
+    """Let the reflex sensor's reading lag behind by a dead band."""
+    seen = signals.displacement.copy()
+    half = 0.5 * size['band_m']
+    for i in range(1, seen.size):
+        seen[i] = min(max(seen[i - 1], seen[i] - half), seen[i] + half)
+    return replace(signals, displacement=seen)
+
+
+def reflex_gain(signals, _place, size, _rng):
+    """Let the reflex sensor tell every motion ``factor`` times as large."""
+    middle = signals.displacement.mean()
+    return replace(signals, displacement=middle + size['factor'] * (signals.displacement - middle))
+
+
+def acceleration_gain(signals, place, size, _rng):
+    """Let one axis of the accelerometer read too much."""
+    acceleration = signals.acceleration.copy()
+    acceleration[:, AXES.index(place['axis'])] *= size['factor']
+    return replace(signals, acceleration=acceleration)
+
+
+def late_bridge(signals, place, size, _rng):
+    """Let one link's bridge amplifier be late by ``delay_s``, the stamps knowing nothing of it."""
+    before = signals.onboard_s - size['delay_s']
+    return with_strain(
+        signals,
+        place['link'],
+        lambda one: np.stack(
+            [np.interp(before, signals.onboard_s, gauge) for gauge in one.T], axis=1
+        ),
+    )
+
+
+def slow_bridge(signals, place, size, _rng):
+    """Let one link's bridge amplifier be a first-order low-pass of ``corner_hz``."""
+    step_s = float(np.median(np.diff(signals.onboard_s)))
+    share = 1.0 - np.exp(-2.0 * np.pi * size['corner_hz'] * step_s)
+
+    def smoothed(one):
+        result = one.copy()
+        for i in range(1, len(one)):
+            result[i] = result[i - 1] + share * (one[i] - result[i - 1])
+        return result
+
+    return with_strain(signals, place['link'], smoothed)
+
+
+def jumping_zero(signals, place, size, _rng):
+    """Let the zeros of one link's gauges jump at a share of the recording: a plug was touched."""
+    after = signals.onboard_s >= size['at_share'] * signals.onboard_s[-1]
+    return with_strain(signals, place['link'], lambda one: one + size['strain'] * after[:, None])
+
+
+def warming_gauges(signals, place, size, _rng):
+    """Let one link's gauges warm and cool again once within the recording."""
+    turn = 2.0 * np.pi * WAVES * signals.onboard_s / signals.onboard_s[-1]
+    return with_strain(
+        signals,
+        place['link'],
+        lambda one: one + 0.5 * size['strain'] * (1.0 - np.cos(turn))[:, None],
+    )
+
+
+def with_strain(signals: Signals, link: str, change) -> Signals:
+    """Change one link's samples, (n, 4 gauges) m/m."""
+    strain = signals.strain.copy()
+    strain[LINKS.index(link)] = change(strain[LINKS.index(link)])
+    return replace(signals, strain=strain)
+
+
+UNLISTED_FAULTS: dict[str, Fault] = {
+    'unlisted_crosstalk': Fault(signals=crosstalk),
+    'unlisted_sticking_reflex': Fault(signals=sticking_reflex),
+    'unlisted_reflex_gain': Fault(signals=reflex_gain),
+    'unlisted_acceleration_gain': Fault(signals=acceleration_gain),
+    'unlisted_late_bridge': Fault(signals=late_bridge),
+    'unlisted_slow_bridge': Fault(signals=slow_bridge),
+    'unlisted_jumping_zero': Fault(signals=jumping_zero),
+    'unlisted_warming_gauges': Fault(signals=warming_gauges),
+}
