@@ -318,6 +318,21 @@ def test_a_search_that_leaves_nearly_all_open_ends(effects, explained, further, 
     assert is_in_vain(effects, explained, further) is vain
 
 
+@pytest.mark.parametrize(
+    ('effects', 'explained', 'accepted', 'vain'),
+    [
+        # a zero that jumped, on no list: what one round explains may be in a hollow, what two do is not
+        ((FRICTION,), 0.344, 1, False),
+        ((FRICTION, BOUNCE), 0.344, 2, True),
+        ((FRICTION,), 0.258, 3, True),  # found again elsewhere, round after round
+        ((FRICTION,), 0.987, 2, False),  # found again where it belongs
+        ((FRICTION, GAUGE), 0.3, 2, False),
+    ],
+)
+def test_a_search_ends_whose_second_round_explains_too_little(effects, explained, accepted, vain):
+    assert is_in_vain(effects, explained, 3 - len(effects), accepted) is vain
+
+
 @pytest.mark.parametrize('explained', [0.0, 0.3, 0.399])
 def test_what_ends_a_search_would_not_be_named(named, explained):
     # with no effect left to find, a search in vain is one whose names are not told

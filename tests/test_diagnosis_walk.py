@@ -248,7 +248,7 @@ def test_what_is_above_a_good_machines_is_the_most_to_explain(
     assert (['roller_drag'] in runs) is is_run
 
 
-@pytest.mark.parametrize(('explained', 'rounds'), [(0.9, 3), (0.04, 2), (0.02, 1)])
+@pytest.mark.parametrize(('explained', 'rounds'), [(0.9, 3), (0.3, 2), (0.04, 2), (0.02, 1)])
 def test_a_search_ends_where_nothing_will_be_named(walked, explained, rounds):
     drag = Proposal('guide_drag', {'s_from_m': 7.2, 's_to_m': 7.9}, {'force_N': 129.0}, 1.7e4)
     link = Proposal('link_elongation', {'link': 37}, {'length_m': 3e-3}, 1.6e4)

@@ -22,6 +22,8 @@ LEAST_CLOSING = 300.0
 # A further effect is taken to explain no more than so many times what was found. The strongest comes first,
 # but it may be fitted in a hollow, and be found again where it belongs.
 FURTHER = 8.0
+# Rounds that accept an effect, by which the names must explain what names have to (`LEAST_EXPLAINED`).
+ROUNDS_TO_EXPLAIN = 2
 # What a law leaves is in all gauges, or in both of a link: one gauge alone is no leftover.
 ONE_GAUGE = ('gauge_gain', 'gauge_drift')
 # Nor is gravity's share of a step's axes, which a sensor that is turned has along the whole guide: what a tilt of
@@ -95,11 +97,12 @@ def is_left_over(cause: str, gain: float, found: Sequence[Found], excess: float)
     return False
 
 
-def is_in_vain(found: Sequence[Found], explained: float, further: int) -> bool:
+def is_in_vain(found: Sequence[Found], explained: float, further: int, accepted: int = 1) -> bool:
     """Tell whether nothing will be named, whatever else there is.
 
     Names that leave nearly all open are not told (`settle`). Of an instrument's fault nothing is said:
-    what it explains is counted beside a good instrument.
+    what it explains is counted beside a good instrument. What a first round accepts may be fitted in a
+    hollow, or be none, and the second one finds what it is; what two rounds do not explain is of no known form.
 
     Parameters
     ----------
@@ -109,7 +112,11 @@ def is_in_vain(found: Sequence[Found], explained: float, further: int) -> bool:
         By them, see `explained_by`.
     further : int
         Effects that may still be found.
+    accepted : int
+        Rounds that accepted an effect, also one that was found again elsewhere.
     """
     if not found or not all(of_machine(one.proposal) for one in found):
         return False
+    if accepted >= ROUNDS_TO_EXPLAIN:
+        return explained < LEAST_EXPLAINED
     return (1.0 + FURTHER * further) * explained < LEAST_EXPLAINED

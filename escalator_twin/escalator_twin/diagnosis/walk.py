@@ -92,7 +92,7 @@ def walk(
     last: Round | None = None
     stages: list[Beside] = []
     anew: set[int] = set()  # how many effects were known where a round began once more
-    done = 0
+    done = accepted = 0
     while done < MOST_ROUNDS + len(anew):
         done += 1
         bounds = Bounds.of(before, place, context.floor, found, MOST_EFFECTS - 1 - len(found))
@@ -162,6 +162,7 @@ def walk(
         if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
         last = None
+        accepted += 1
         stages.append(place)
         found.append(_found(weighed, match))
         polished = None if match is None else match.polished
@@ -185,7 +186,7 @@ def walk(
         explained = explained_by(before, place, context.floor)
         if say is not None:
             say(f'{len(found)} effects explain {explained:.3f}')
-        if is_in_vain(found, explained, MOST_EFFECTS - len(found)):
+        if is_in_vain(found, explained, MOST_EFFECTS - len(found), accepted):
             break
     if len(stages) != len(found):
         stages = []
