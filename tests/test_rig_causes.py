@@ -199,6 +199,8 @@ EXPECTED = [
     ('unlisted_alternating_links', {}, {'length_m': 3e-4}, 'u', 1e-5),
     ('unlisted_soft_side', {'side': 'left'}, {'factor': 0.7}, 'force_left_a', 2.0),
     ('unlisted_damped_tensioner', {}, {'factor': 10.0}, 'u', 1e-5),
+    ('unlisted_warming_grease', {}, {'rate_1_s': 0.03}, 'force_left_a', 1.0),
+    ('unlisted_uneven_loads', {}, {'sd': 0.3}, 'force_left_a', 2.0),
     ('unlisted_heavy_carriage', {}, {'mass_kg': 300.0}, 'u', 1e-5),
 ]
 

@@ -94,6 +94,8 @@ NOT_LISTED: dict[str, Kind] = {
     ),
     'unlisted_damped_tensioner': Kind(of_machine(factor=lambda _rng, share: factor(10.0, share))),
     'unlisted_heavy_carriage': Kind(of_machine(mass_kg=times(300.0))),
+    'unlisted_warming_grease': Kind(of_machine(rate_1_s=times(3e-3))),
+    'unlisted_uneven_loads': Kind(of_machine(sd=times(0.3)), needs_load=True),
     'unlisted_crosstalk': Kind(crosstalk),
     'unlisted_sticking_reflex': Kind(of_machine(band_m=times(2e-4))),
     'unlisted_reflex_gain': Kind(of_machine(factor=either(1.15, 0.85))),
@@ -101,5 +103,7 @@ NOT_LISTED: dict[str, Kind] = {
     'unlisted_late_bridge': Kind(at_link(delay_s=times(0.04))),
     'unlisted_slow_bridge': Kind(at_link(corner_hz=lambda _rng, share: 3.0 / share)),
     'unlisted_jumping_zero': Kind(at_link(strain=times(1.5e-5), at_share=between(0.3, 0.7))),
+    'unlisted_drifting_reflex': Kind(of_machine(drift_m=times(5e-4))),
+    'unlisted_drifting_accelerometer': Kind(at_axis(drift_m_s2=times(0.1))),
     'unlisted_warming_gauges': Kind(at_link(strain=times(1.5e-5))),
 }

@@ -142,6 +142,7 @@ def guide_forces(model, y, dy, marks, work, t):
     rub = 0.0
     if model.rub_force > 0.0 and (t % model.rub_period) < model.rub_on:
         rub = model.rub_force
+    warmth = 1.0 + model.resistance_rate * t
     for e in range(ends):
         side = 0 if e < half else 1
         c, d, kappa = work[COS, e], work[SIN, e], work[KAPPA, e]
@@ -179,7 +180,7 @@ def guide_forces(model, y, dy, marks, work, t):
         normal = lower - upper
         work[NORMAL, e] = normal
         pressing = abs(normal) if model.reading[3] > 0.5 else lower + upper
-        dry = model.resistance[e] * pressing + model.extra_drag[e]
+        dry = model.resistance[e] * warmth * pressing + model.extra_drag[e]
         dry += model.stretch_drag[side, cell]
         if rub > 0.0 and model.rub_from < work[S_DESIGN, e] < model.rub_to:
             dry += rub

@@ -72,6 +72,7 @@ def nominal(
         contact_k=sheet.contact_stiffness_n_m,
         contact_c=sheet.contact_damping_ns_m,
         resistance=np.full(ends, sheet.rolling_resistance),
+        resistance_rate=0.0,
         roll_speed=sheet.rolling_speed_m_s,
         viscous=sheet.viscous_drag_ns_m,
         extra_drag=np.zeros(ends),

@@ -39,6 +39,7 @@ Model = namedtuple(
         'contact_k',
         'contact_c',
         'resistance',
+        'resistance_rate',  # 1/s, of the resistance as its grease warms
         'roll_speed',
         'viscous',
         'extra_drag',

@@ -198,6 +198,18 @@ def heavy_carriage(model, _place, size, _rng):
     return model._replace(carriage_mass=model.carriage_mass + size['mass_kg'])
 
 
+def warming_grease(model, _place, size, _rng):
+    """Let all rollers roll easier and easier at a relative rate of ``rate_1_s``."""
+    return model._replace(resistance_rate=-float(size['rate_1_s']))
+
+
+def uneven_loads(model, _place, size, rng):
+    """Let every step's load be another one, by a share of ``sd`` about what it should be."""
+    half = model.mass.size // 2
+    uneven = np.tile(1.0 + size['sd'] * rng.standard_normal(half), 2)
+    return model._replace(load=model.load * np.maximum(uneven, 0.0))
+
+
 UNLISTED: dict[str, Alter] = {
     'unlisted_stiffening_spring': stiffening_spring,
     'unlisted_rubbing_brake': rubbing_brake,
@@ -220,4 +232,6 @@ UNLISTED: dict[str, Alter] = {
     'unlisted_soft_side': soft_side,
     'unlisted_damped_tensioner': damped_tensioner,
     'unlisted_heavy_carriage': heavy_carriage,
+    'unlisted_warming_grease': warming_grease,
+    'unlisted_uneven_loads': uneven_loads,
 }

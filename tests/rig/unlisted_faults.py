@@ -83,6 +83,20 @@ def warming_gauges(signals, place, size, _rng):
     )
 
 
+def drifting_reflex(signals, _place, size, _rng):
+    """Let the reflex sensor's zero drift evenly by ``drift_m`` over the recording."""
+    part = signals.ground_s / signals.ground_s[-1]
+    return replace(signals, displacement=signals.displacement + size['drift_m'] * part)
+
+
+def drifting_accelerometer(signals, place, size, _rng):
+    """Let one axis' zero drift evenly by ``drift_m_s2`` over the recording."""
+    acceleration = signals.acceleration.copy()
+    part = signals.onboard_s / signals.onboard_s[-1]
+    acceleration[:, AXES.index(place['axis'])] += size['drift_m_s2'] * part
+    return replace(signals, acceleration=acceleration)
+
+
 def with_strain(signals: Signals, link: str, change) -> Signals:
     """Change one link's samples, (n, 4 gauges) m/m."""
     strain = signals.strain.copy()
@@ -99,4 +113,6 @@ UNLISTED_FAULTS: dict[str, Fault] = {
     'unlisted_slow_bridge': Fault(signals=slow_bridge),
     'unlisted_jumping_zero': Fault(signals=jumping_zero),
     'unlisted_warming_gauges': Fault(signals=warming_gauges),
+    'unlisted_drifting_reflex': Fault(signals=drifting_reflex),
+    'unlisted_drifting_accelerometer': Fault(signals=drifting_accelerometer),
 }
