@@ -22,7 +22,7 @@ SINCE = '221101'  # the first set judged by a decision that is about today's
 def rows_of(text: str) -> Iterator[list[str]]:
     """Yield the cells of each set's row."""
     for line in text.splitlines():
-        if re.match(r'\| \d{5,6}, ', line):
+        if re.match(r'\| \d{4,6}, ', line):
             yield [cell.strip() for cell in line.strip().strip('|').split('|')]
 
 

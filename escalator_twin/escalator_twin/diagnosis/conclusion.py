@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import inf
 
+from escalator_twin.diagnosis.accepted import refitted
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
@@ -11,7 +12,7 @@ from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
 from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
-from escalator_twin.diagnosis.walk import LINKED, refitted
+from escalator_twin.diagnosis.walk import LINKED
 from escalator_twin.diagnosis.walked import Bench, Walked
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Machine

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 
+from escalator_twin.diagnosis.accepted import found_of, left_of, match_of, placed_at, refitted
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide, MOST_EDGES
 from escalator_twin.diagnosis.bounds import Bounds
 from escalator_twin.diagnosis.contenders import (
@@ -15,7 +16,6 @@ from escalator_twin.diagnosis.contenders import (
     is_known_fault,
     is_unrun,
     one_gauge,
-    place_of,
 )
 from escalator_twin.diagnosis.context import Beside, beside, Context, quiet_chi2
 from escalator_twin.diagnosis.families import COSTLY, FAMILIES
@@ -27,6 +27,7 @@ from escalator_twin.diagnosis.found import (
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between
 from escalator_twin.diagnosis.hollows import out_of_hollow
+from escalator_twin.diagnosis.neighbours import at_neighbours
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regroup import regrouped
@@ -34,7 +35,6 @@ from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.suggested import begun, NOTHING, Suggested
 from escalator_twin.diagnosis.trial import try_all
-from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
     excess_of,
     explained_by,
@@ -114,7 +114,7 @@ def walk(
         sought_all = [*proposals, *(afar.proposals if afar is not None else ())]
         if not any(bounds.may_stand(p) for p in sought_all):
             weighed = weigh(candidates(proposals, []))
-            left = _left(weighed, [])
+            left = left_of(weighed, [])
             break
         chosen = [
             p for p in choose(proposals) if bounds.may_stand(p) and not is_hopeless(p, proposals)
@@ -145,7 +145,7 @@ def walk(
         if not weighed or weighed[0].probability < ACCEPT:
             break
         top = weighed[0]
-        match = _match(top, tried)
+        match = match_of(top, tried)
         if match is not None and bench.nearer is not None and len(found) not in anew:
             nearer = bench.nearer(context, place, known, match, jobs)
             if nearer is not None:  # once: the round begins anew beside it
@@ -157,14 +157,14 @@ def walk(
                 continue
         cause = top.proposal.cause
         if bounds.is_left_over(cause, top.gain):
-            left = _left(weighed, tried)
+            left = left_of(weighed, tried)
             break
         if of_machine(top.proposal) and bounds.is_in_vain(cause, top.gain):
             break
         last = None
         accepted += 1
         stages.append(place)
-        found.append(_found(weighed, match))
+        found.append(found_of(weighed, match))
         polished = None if match is None else match.polished
         if polished is None:
             polished = bench.again(context, place, [*start, *(f.proposal for f in found)], jobs)
@@ -175,6 +175,15 @@ def walk(
             polished = bench.again(context, place, [*start, *(f.proposal for f in kept)], jobs)
             context, place = polished.context, polished.place
             found = refitted(kept, polished)
+            if bench.neighbours is not None and is_open(place, context.floor):
+                # it was chosen beside what turned out to be none
+                known = [*start, *(f.proposal for f in found)]
+                moved = bench.neighbours(bench.again, polished, known, jobs)
+                if moved is not polished:
+                    polished = moved
+                    context, place = polished.context, polished.place
+                    last_one = placed_at(found[-1], polished.effects[-1])
+                    found = refitted([*found[:-1], last_one], polished)
         if bench.regroup is not None:
             other = _regrouped(bench.regroup, bench.again, polished, start, found, jobs)
             if other is not None:
@@ -210,55 +219,7 @@ def _regrouped(
     if quiet_chi2(other.place) >= quiet_chi2(place):
         return None
     rows = zip(found, effects[len(start) :], strict=True)
-    return other, refitted([_at(one, effect) for one, effect in rows], other)
-
-
-def _at(one: Found, effect: Proposal) -> Found:
-    """Return what was found with its effect as another proposal has it."""
-    own = one.proposal
-    rivals = (replace(r, proposal=effect) if r.proposal is own else r for r in one.rivals)
-    return replace(one, proposal=effect, rivals=tuple(rivals))
-
-
-def _match(top: Weighed, tried: Sequence[Tried]) -> Tried | None:
-    return next((t for t in tried if t.proposal is top.proposal), None)
-
-
-def _found(weighed: Sequence[Weighed], match: Tried | None) -> Found:
-    """Return the best of what was weighed, with what its own fit says of it where it was fitted."""
-    top = weighed[0]
-    sd = match.sd if match is not None else dict(top.proposal.sd)
-    near = match.near if match is not None else None
-    return Found(top.proposal, top.probability, sd, top.gain, tuple(weighed), near=near)
-
-
-def _left(weighed: Sequence[Weighed], tried: Sequence[Tried]) -> Found | None:
-    """Return the best of what was weighed where it would be an effect, were it alone."""
-    if not weighed or weighed[0].probability < ACCEPT:
-        return None
-    return _found(weighed, _match(weighed[0], tried))
-
-
-def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
-    """Return effects with the numbers of a fit that held them all."""
-    rows = list(zip(polished.effects, polished.sd, strict=True))
-    again = []
-    for one in found:
-        own = one.proposal
-        # in the order in which they were found: two waves have the same cause and no place
-        at = next(
-            (
-                k
-                for k, (e, _) in enumerate(rows)
-                if (e.cause, place_of(e)) == (own.cause, place_of(own))
-            ),
-            None,
-        )
-        if at is not None:
-            effect, sd = rows.pop(at)
-            one = replace(_at(one, effect), sd=sd)
-        again.append(one)
-    return again
+    return other, refitted([placed_at(one, effect) for one, effect in rows], other)
 
 
 def _is_gone(proposal: Proposal) -> bool:
@@ -292,5 +253,13 @@ def as_tuned(place: Beside, _: Sequence[Proposal]) -> Mapping[str, float]:
 
 
 LINKED = Bench(
-    propose, try_all, fit_again, as_it_is, decide_between, as_tuned, out_of_hollow, regrouped
+    propose,
+    try_all,
+    fit_again,
+    as_it_is,
+    decide_between,
+    as_tuned,
+    out_of_hollow,
+    regrouped,
+    at_neighbours,
 )

@@ -86,6 +86,8 @@ class Bench:
         See `out_of_hollow`.
     regroup : callable, optional
         See `regrouped`.
+    neighbours : callable, optional
+        See `at_neighbours`.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
@@ -100,3 +102,4 @@ class Bench:
     regroup: Callable[[Context, Beside, Sequence[Proposal], int], list[Proposal] | None] | None = (
         None
     )
+    neighbours: Callable[..., Polished] | None = None
