@@ -27,6 +27,12 @@ def ends_of(model: Model, index: int, side: str) -> list[int]:
     return [a * half + int(index) for a in SIDE_INDEX[side]]
 
 
+def all_ends_of(model: Model, side: str) -> list[int]:
+    """Return the flat indices of all axle ends or links on the named side or sides."""
+    half = model.mass.size // 2
+    return [e for a in SIDE_INDEX[side] for e in range(a * half, (a + 1) * half)]
+
+
 def changed(values: np.ndarray, where: list[int], change: Callable[[Any], Any]) -> np.ndarray:
     """Return a copy with some entries changed."""
     result = values.copy()
@@ -56,8 +62,7 @@ def link_elongation(model, place, size, _rng):
 
 
 def chain_elongation(model, place, size, _rng):
-    half = model.mass.size // 2
-    where = [e for a in SIDE_INDEX[place['side']] for e in range(a * half, (a + 1) * half)]
+    where = all_ends_of(model, place['side'])
     return model._replace(rest=changed(model.rest, where, lambda v: v + size['length_m']))
 
 
@@ -111,18 +116,28 @@ def distance_on_loop(model: Model, s: np.ndarray, centre: float) -> np.ndarray:
     return (s - centre + 0.5 * length) % length - 0.5 * length
 
 
-def guide_step(model, place, size, rng):
-    length = size.get('length_m', rng.uniform(0.04, 0.08))
-    away = distance_on_loop(model, table_s(model), place['s_m'])
-    bump = np.where(
-        np.abs(away) < 0.5 * length, 0.5 * (1.0 + np.cos(2.0 * np.pi * away / length)), 0.0
+def bump_at(model: Model, centre: float, length_m: float) -> np.ndarray:
+    """Return one smooth bump of height 1 about ``centre`` on the guide's tables."""
+    away = distance_on_loop(model, table_s(model), centre)
+    return np.where(
+        np.abs(away) < 0.5 * length_m, 0.5 * (1.0 + np.cos(2.0 * np.pi * away / length_m)), 0.0
     )
+
+
+def with_normal(model: Model, side: str, more: np.ndarray) -> Model:
+    """Add a height (m) to the rails of a side or both."""
     normal = model.normal.copy()
-    for a in SIDE_INDEX[place['side']]:
-        normal[a] += size['height_m'] * bump
+    for a in SIDE_INDEX[side]:
+        normal[a] += more
     return model._replace(
         normal=normal, normal_slope=np.stack([slope(n, model.cell) for n in normal])
     )
+
+
+def guide_step(model, place, size, rng):
+    length = size.get('length_m', rng.uniform(0.04, 0.08))
+    bump = bump_at(model, place['s_m'], length)
+    return with_normal(model, place['side'], size['height_m'] * bump)
 
 
 def landing_length(model, _place, size, _rng):

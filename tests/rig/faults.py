@@ -11,6 +11,7 @@ from rig.recording import Signals
 
 Place = dict[str, Any]
 Size = dict[str, float]
+Change = Callable[[np.ndarray], np.ndarray]
 
 CREEP_SHARE = 0.3  # -, time constant of a gauge's creep over the recording's length
 SPIKE_STRAIN = (30e-6, 200e-6)  # m/m, smallest and largest outlier of a gauge
@@ -48,6 +49,21 @@ class Fault:
     signals: Callable[[Signals, Place, Size, np.random.Generator], Signals] = same_signals
 
 
+def with_strain(signals: Signals, link: str, change: Change) -> Signals:
+    """Change one link's samples, (n, 4 gauges) m/m."""
+    strain = signals.strain.copy()
+    strain[LINKS.index(link)] = change(strain[LINKS.index(link)])
+    return replace(signals, strain=strain)
+
+
+def with_axis(signals: Signals, axis: str, change: Change) -> Signals:
+    """Change one axis' samples of the accelerometer, (n,) m/s2."""
+    acceleration = signals.acceleration.copy()
+    k = AXES.index(axis)
+    acceleration[:, k] = change(acceleration[:, k])
+    return replace(signals, acceleration=acceleration)
+
+
 def gauge_gain(kit, place, size):
     gain = kit.gauge_gain.copy()
     gain[LINKS.index(place['link'])] *= size['factor']
@@ -65,9 +81,7 @@ def clock_drift(kit, _place, size):
 def gauge_drift(signals, place, size, _rng):
     part = signals.onboard_s / signals.onboard_s[-1]
     creep = (1.0 - np.exp(-part / CREEP_SHARE)) / (1.0 - np.exp(-1.0 / CREEP_SHARE))
-    strain = signals.strain.copy()
-    strain[LINKS.index(place['link'])] += size['strain'] * creep[:, None]
-    return replace(signals, strain=strain)
+    return with_strain(signals, place['link'], lambda one: one + size['strain'] * creep[:, None])
 
 
 def gauge_dead(signals, place, _size, _rng):
@@ -122,15 +136,11 @@ def spikes(
 def sensor_spikes(signals, place, size, rng):
     channel, count = place['channel'], int(size['count'])
     if channel.startswith('link_force/'):
-        strain = signals.strain.copy()
-        k = LINKS.index(channel.split('/')[-1])
-        strain[k] += spikes(rng, strain.shape[1], count, SPIKE_STRAIN)[:, None]
-        return replace(signals, strain=strain)
+        hit = spikes(rng, signals.onboard_s.size, count, SPIKE_STRAIN)
+        return with_strain(signals, channel.split('/')[-1], lambda one: one + hit[:, None])
     if channel.startswith('step/acceleration'):
-        acceleration = signals.acceleration.copy()
-        axis = AXES.index(channel.split('/')[-1])
-        acceleration[:, axis] += spikes(rng, len(acceleration), count, SPIKE_ACCELERATION)
-        return replace(signals, acceleration=acceleration)
+        hit = spikes(rng, signals.onboard_s.size, count, SPIKE_ACCELERATION)
+        return with_axis(signals, channel.split('/')[-1], lambda one: one + hit)
     hit = spikes(rng, signals.displacement.size, count, SPIKE_DISPLACEMENT)
     return replace(signals, displacement=signals.displacement + hit)
 

@@ -7,12 +7,14 @@ with ``unlisted_``.
 import numpy as np
 
 from rig.causes import (
+    all_ends_of,
     Alter,
+    bump_at,
     changed,
-    distance_on_loop,
     in_stretch,
     SIDE_INDEX,
     table_s,
+    with_normal,
 )
 from rig.machine import slope
 
@@ -99,12 +101,7 @@ def leaking_preload(model, _place, size, _rng):
 
 def lateral_kink(model, place, size, _rng):
     """Let the guide's lateral line swing out by ``offset_m`` and back."""
-    away = distance_on_loop(model, table_s(model), place['s_m'])
-    bump = np.where(
-        np.abs(away) < 0.5 * KINK_LENGTH_M,
-        0.5 * (1.0 + np.cos(2.0 * np.pi * away / KINK_LENGTH_M)),
-        0.0,
-    )
+    bump = bump_at(model, place['s_m'], KINK_LENGTH_M)
     lateral = model.lateral + size['offset_m'] * bump
     return model._replace(lateral=lateral, lateral_slope=slope(lateral, model.cell))
 
@@ -119,11 +116,7 @@ def worn_channel(model, place, size, _rng):
 
 def settled_rail(model, place, size, _rng):
     """Let the rail sink by ``depth_m`` over ``length_m``, much longer than a joint's bump."""
-    away = distance_on_loop(model, table_s(model), place['s_m'])
-    length = size['length_m']
-    dip = np.where(
-        np.abs(away) < 0.5 * length, 0.5 * (1.0 + np.cos(2.0 * np.pi * away / length)), 0.0
-    )
+    dip = bump_at(model, place['s_m'], size['length_m'])
     return with_normal(model, place['side'], -size['depth_m'] * dip)
 
 
@@ -145,20 +138,9 @@ def high_rail(model, place, size, _rng):
     )
 
 
-def with_normal(model, side, more):
-    """Add a height (m) to the rails of a side or both."""
-    normal = model.normal.copy()
-    for a in SIDE_INDEX[side]:
-        normal[a] += more
-    return model._replace(
-        normal=normal, normal_slope=np.stack([slope(n, model.cell) for n in normal])
-    )
-
-
 def dry_side(model, place, size, _rng):
     """Let the rollers of one side alone roll harder."""
-    half = model.mass.size // 2
-    where = [a * half + i for a in SIDE_INDEX[place['side']] for i in range(half)]
+    where = all_ends_of(model, place['side'])
     return model._replace(
         resistance=changed(model.resistance, where, lambda v: v * size['factor'])
     )
@@ -183,8 +165,7 @@ def alternating_links(model, _place, size, _rng):
 
 def soft_side(model, place, size, _rng):
     """Let all links of one side be softer."""
-    half = model.mass.size // 2
-    where = [a * half + i for a in SIDE_INDEX[place['side']] for i in range(half)]
+    where = all_ends_of(model, place['side'])
     return model._replace(link_k=changed(model.link_k, where, lambda v: v * size['factor']))
 
 

@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rig.faults import AXES, Fault
+from rig.faults import Fault, with_axis, with_strain
 from rig.instruments import LINKS
-from rig.recording import Signals
-
-WAVES = 1.0  # -, of warming and cooling within the recording
 
 
 def crosstalk(signals, place, size, _rng):
@@ -36,9 +33,7 @@ def reflex_gain(signals, _place, size, _rng):
 
 def acceleration_gain(signals, place, size, _rng):
     """Let one axis of the accelerometer read too much."""
-    acceleration = signals.acceleration.copy()
-    acceleration[:, AXES.index(place['axis'])] *= size['factor']
-    return replace(signals, acceleration=acceleration)
+    return with_axis(signals, place['axis'], lambda one: one * size['factor'])
 
 
 def late_bridge(signals, place, size, _rng):
@@ -75,7 +70,7 @@ def jumping_zero(signals, place, size, _rng):
 
 def warming_gauges(signals, place, size, _rng):
     """Let one link's gauges warm and cool again once within the recording."""
-    turn = 2.0 * np.pi * WAVES * signals.onboard_s / signals.onboard_s[-1]
+    turn = 2.0 * np.pi * signals.onboard_s / signals.onboard_s[-1]
     return with_strain(
         signals,
         place['link'],
@@ -91,17 +86,8 @@ def drifting_reflex(signals, _place, size, _rng):
 
 def drifting_accelerometer(signals, place, size, _rng):
     """Let one axis' zero drift evenly by ``drift_m_s2`` over the recording."""
-    acceleration = signals.acceleration.copy()
     part = signals.onboard_s / signals.onboard_s[-1]
-    acceleration[:, AXES.index(place['axis'])] += size['drift_m_s2'] * part
-    return replace(signals, acceleration=acceleration)
-
-
-def with_strain(signals: Signals, link: str, change) -> Signals:
-    """Change one link's samples, (n, 4 gauges) m/m."""
-    strain = signals.strain.copy()
-    strain[LINKS.index(link)] = change(strain[LINKS.index(link)])
-    return replace(signals, strain=strain)
+    return with_axis(signals, place['axis'], lambda one: one + size['drift_m_s2'] * part)
 
 
 UNLISTED_FAULTS: dict[str, Fault] = {
