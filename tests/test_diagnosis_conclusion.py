@@ -29,7 +29,7 @@ STEP = found('guide_step', 'height_m', 4e-4)
 def concluded(monkeypatch):
     """Return what is told of effects, with what was run beside which of them."""
 
-    def conclude(effects, probabilities, gain=None):
+    def conclude(effects, probabilities, gain=None, stages=()):
         asked = SimpleNamespace(fitted=[], held=[], reached=[])
 
         def settle(*_):
@@ -61,7 +61,7 @@ def concluded(monkeypatch):
         )
         bench = SimpleNamespace(again=again, bare=lambda place, _: place, begin=lambda *_: {})
         monkeypatch.setattr(conclusion, 'LINKED', bench)
-        walked = SimpleNamespace(found=effects, before='before', after='after')
+        walked = SimpleNamespace(found=effects, before='before', after='after', stages=stages)
         return (*conclusion.conclude('context', walked, 'rest of all', 0, bench), asked)
 
     return conclude
@@ -90,6 +90,23 @@ def test_sizes_gain_and_remainder_are_those_of_what_is_named(concluded):
         ('guide_step', 0.2, [4e-4]),
     ]
     assert asked.reached == [(after, kept)]
+
+
+@pytest.mark.parametrize(
+    ('probabilities', 'begun'),
+    [
+        ((0.99, 0.9, 0.2), 'beside two'),
+        ((0.99, 0.2, 0.2), 'beside one'),
+        ((0.99, 0.2, 0.9), 'before'),  # no machine had these two and no other
+    ],
+)
+def test_the_fit_begins_where_the_tolerances_fitted_beside_what_is_named(
+    concluded, probabilities, begun
+):
+    stages = ('before', 'beside one', 'beside two')
+    *_, asked = concluded((FRICTION, GAUGE, STEP), probabilities, stages=stages)
+    ((start, _),) = asked.fitted
+    assert start.startswith(begun)
 
 
 @pytest.mark.parametrize('gain', [{'significant': False}, {'worse': ('a/b',)}])

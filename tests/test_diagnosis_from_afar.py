@@ -260,3 +260,51 @@ def test_of_two_starts_that_are_one_the_better_is_fitted():
     landing = SimpleNamespace(proposal=replace(LANDING, fitted=('delta_m',)))
     kept = from_afar._apart([starts[0], landing, *starts[1:], landing])
     assert kept == [starts[0], landing, *starts[2:]]
+
+
+@pytest.mark.parametrize(
+    ('beyond', 'refined', 'gains', 'begun'),
+    [
+        ({'tensioner.stiffness_n_m': 10.6}, 910.0, -3440.0, 1),
+        ({'tensioner.stiffness_n_m': 10.6}, 910.0, 300.0, 0),  # a fit from none turned leads on
+        ({'tensioner.stiffness_n_m': -10.6}, 910.0, -3440.0, 0),  # it is held the other way
+        ({'experiment.preload_n': 4.0}, 910.0, -3440.0, 0),
+        ({}, 910.0, -3440.0, 0),
+        ({'tensioner.stiffness_n_m': 10.6}, -20.0, -3440.0, 0),
+    ],
+)
+def test_what_a_tolerance_holds_is_fitted_from_where_the_tolerances_are(
+    monkeypatch, beyond, refined, gains, begun
+):
+    """Beside a longer link a spring of 1.41 led from none turned to more than without it."""
+    name = 'tensioner.stiffness_n_m'
+    spring = replace(
+        ROLLING, cause='tensioner_stiffness', parameters={'factor': 1.41}, fitted=('factor',),
+        nuisance=name, gain=2e3,
+    )  # fmt: skip
+    base, place = leveled(12e3), leveled(9265.0)
+    starts = []
+
+    def refine(_stage, _model, fitted, proposal, _steps):
+        gain = proposal.gain if fitted == base.fitted else refined
+        return SimpleNamespace(proposal=proposal, gain=gain)
+
+    def fitted_beside(_context, _place, _known, one, turned=None, *_, **__):
+        starts.append(turned)
+        gain = gains if turned is not None else 775.0
+        found = Polished(Held(None, Held({}), None), leveled(9265.0 - gain), (), ())
+        return Tried(one.proposal, gain, {}, found)
+
+    monkeypatch.setattr(from_afar, 'refine', refine)
+    monkeypatch.setattr(from_afar, 'fitted_beside', fitted_beside)
+    monkeypatch.setattr(from_afar, 'beyond_tolerance', lambda _: beyond)
+    monkeypatch.setattr(closing, 'is_open', lambda *_: True)
+    monkeypatch.setattr(closing, 'excess_of', lambda p, _: p.fitted - 7e3)
+    context = Held(None, Held({}), None)
+    for machine in (base, place):
+        machine.stage.lean = lambda _, stage=machine.stage: stage
+    link = Proposal('link_elongation', {'link': 23}, {'length_m': 3e-3}, 25218.0)
+    afar = Afar(context, base, [spring], ())
+    found = from_afar.tried_from_afar(context, afar, place, [link], [], [], 1)
+    assert starts == [{}] + [None] * begun
+    assert [t.gain for t in found] == [gains] + [775.0] * begun

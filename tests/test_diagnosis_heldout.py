@@ -37,6 +37,7 @@ from escalator_twin.diagnosis.heldout import (
     sizes_within,
     slow_of,
 )
+from escalator_twin.diagnosis.nuisance import creep_of
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.scores import scored
 from escalator_twin.diagnosis.whitening import Whitener
@@ -245,6 +246,34 @@ def test_beside_a_known_fault_of_a_gauge_an_effect_is_held_out_with_it(cause):
     found = hold_out(SimpleNamespace(machine=None), after, [effect()], 1, earlier=earlier)
     assert found.significant
     assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
+
+
+def test_beside_a_known_creep_another_gauges_creep_is_held_out():
+    measured, base = recorded()
+    measured -= passing(N, AXLE)
+    stage = stage_of(measured, base)
+    drifts = []
+    for k, strain in enumerate((3e-5, 4e-5)):
+        name = creep_of(CHANNELS[k])
+        column = np.zeros((*base.shape, 1), np.float32)
+        column[:, k, 0] = np.linspace(-1.0, 1.0, N)
+        nuisance = replace(
+            stage.nuisance,
+            names=(*stage.nuisance.names, f'{name}1.5'),
+            columns=np.concatenate([stage.nuisance.columns, column], axis=2),
+        )
+        stage = replace(stage, nuisance=nuisance, white_nuisance=stage.whiten(nuisance.columns))
+        where = {'link': MACHINE.instruments.sensor(CHANNELS[k]).name}
+        sizes = {'strain': strain, 'curvature': 2.0}
+        drifts.append(Proposal('gauge_drift', where, sizes, 1e3, nuisance=name))
+        measured[:, k] += creep(stage, drifts[k])[:, k]
+    stage = replace(stage, observation=replace(stage.observation, measured=measured))
+    after = freed(Beside(stage, None, base, stage.fit(base)), drifts)
+    earlier = Earlier(MACHINE, (drifts[0],))
+    found = hold_out(SimpleNamespace(machine=None), after, [drifts[1]], 1, earlier=earlier)
+    assert found.significant
+    assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
+    assert found.channels[CHANNELS[1]]['chi2_after'] < 1.2
 
 
 def test_what_is_fitted_to_a_part_of_the_samples_is_what_dense_double_precision_fits():

@@ -24,6 +24,14 @@ STIFF = Proposal(
 STEP = Proposal('guide_step', {'s_m': 6.7, 'side': 'left'}, {'height_m': 6e-4}, 2600.0)
 
 
+@pytest.fixture(autouse=True)
+def held(monkeypatch):
+    """Return what tolerances hold beyond what a good machine has, to be filled."""
+    beyond = {}
+    monkeypatch.setattr(hollows, 'beyond_tolerance', lambda _: beyond)
+    return beyond
+
+
 class Level(SimpleNamespace):
     """A place, as far as it says what is left and which tolerances are turned."""
 
@@ -81,6 +89,40 @@ def test_tolerances_that_take_most_without_the_effect_are_the_machines(
         place = found.place
         assert found.context.place is place
         assert place.stage.turned == {'chain.mass': 1.1, **own}
+
+
+@pytest.mark.parametrize(('name', 'is_nearer'), [(SPRING, False), ('tensioner.other', True)])
+def test_a_tolerance_that_holds_the_effect_after_all_is_no_good_machines(
+    monkeypatch, held, name, is_nearer
+):
+    """Beside a longer link a spring of 1.4 was taken up by its tolerance's slope, eleven of them."""
+    monkeypatch.setattr(hollows, 'level_of', lambda *_: 12400.0)
+    monkeypatch.setattr(hollows, 'replace', changed)
+    monkeypatch.setattr(hollows, 'with_own_tolerances', lambda *_: SimpleNamespace(place=None))
+    monkeypatch.setattr(hollows, 'beside', lambda *_, turned, **__: Level.of(12400.0, turned))
+    held[name] = 10.6
+    found = hollows.out_of_hollow(None, Level.of(14100.0), (), fitted(STIFF, 12500.0))
+    assert (found is not None) == is_nearer
+
+
+def test_what_is_known_is_not_fitted_beside_a_tolerance_that_holds_the_effect(monkeypatch, held):
+    class Fit:
+        def __init__(self, *_):
+            pass
+
+        def beside(self, *_):
+            return Level.of(9000.0)
+
+    def fitted_on(*_):
+        raise AssertionError('it costs a fit')
+
+    monkeypatch.setattr(hollows, 'JointFit', Fit)
+    monkeypatch.setattr(hollows, 'fitted_on', fitted_on)
+    held[SPRING] = 10.6
+    link = Proposal('link_elongation', {'link': 23}, {'length_m': 3e-3}, 25218.0)
+    polished = Polished(None, Level.of(8490.0), (link, STIFF), ({}, {}))
+    tried = Tried(STIFF, 775.0, {}, polished)
+    assert hollows.out_of_hollow(None, Level.of(9265.0), [link], tried) is None
 
 
 def test_tolerances_that_no_machine_runs_with_end_no_diagnosis(monkeypatch):
@@ -141,6 +183,7 @@ def test_so_are_those_beside_what_is_known(monkeypatch, run, fitted_on, is_neare
 def is_open_beside_all(monkeypatch):
     monkeypatch.setattr(module, 'freed', lambda place, _: place)
     monkeypatch.setattr(module, 'may_hide', lambda *_: False)
+    monkeypatch.setattr(module, 'is_in_one_gauge', lambda *_: False)
     monkeypatch.setattr(module, 'explained_by', lambda *_: 1.0)
     for name, value in {
         'is_open': True, 'is_stretched': False, 'is_used_up': False, 'excess_of': 2e4, 'fell_by': 1e9,

@@ -10,7 +10,7 @@ from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
-from escalator_twin.diagnosis.regroup import carrying, regrouped
+from escalator_twin.diagnosis.regroup import carrying, is_scattered, regrouped, unevenness
 from escalator_twin.diagnosis.verdict import Weighed
 from escalator_twin.errors import ExperimentError
 
@@ -47,10 +47,8 @@ def machine(monkeypatch):
     return SimpleNamespace(each=each, drag=drag, noise=rng.normal(size=M))
 
 
-def regrouped_beside(machine, effects, true_steps, told, drag_told=1.0):
-    """Return what is regrouped where a load and a drag are there, and others are in the model."""
-    left = 0.8 * machine.each[:, true_steps].sum(axis=1) + machine.drag + machine.noise
-    left -= 0.8 * machine.each[:, told].sum(axis=1) + drag_told * machine.drag
+def beside(left):
+    """Return context and comparison of a recording with so much left, (M,)."""
     fitted = fit(left.astype(np.float32), np.zeros((M, 1), np.float32))
     stage = SimpleNamespace(observation=None, columns=lambda columns, _: columns)
     context = SimpleNamespace(
@@ -58,7 +56,37 @@ def regrouped_beside(machine, effects, true_steps, told, drag_told=1.0):
         responses=SimpleNamespace(places={'load_distribution': 'of one step'}),
         setting=SimpleNamespace(experiment=SimpleNamespace(direction=1)),
     )
-    return regrouped(context, SimpleNamespace(stage=stage, fitted=fitted), effects)
+    return context, SimpleNamespace(stage=stage, fitted=fitted)
+
+
+def regrouped_beside(machine, effects, true_steps, told, drag_told=1.0):
+    """Return what is regrouped where a load and a drag are there, and others are in the model."""
+    left = 0.8 * machine.each[:, true_steps].sum(axis=1) + machine.drag + machine.noise
+    left -= 0.8 * machine.each[:, told].sum(axis=1) + drag_told * machine.drag
+    return regrouped(*beside(left), effects)
+
+
+@pytest.mark.parametrize('sd', [0.0, 0.02, 0.3])
+def test_loads_that_are_uneven_everywhere_are_told_from_one_load_on_some_steps(machine, sd):
+    """Against closed form: of a load's own spread v beside its mean size m, v / m**2 is more."""
+    rng = np.random.default_rng(7)
+    steps = list(range(3, 40, 2))
+    own = 0.8 + sd * rng.normal(size=len(steps))
+    told = own.mean()
+    left = machine.each[:, steps] @ (own - told) + 0.1 * machine.noise
+    context, place = beside(left)
+    effects = [DRAG, load(steps, 1.0 + told)]
+    (found,) = unevenness(context, place, effects).items()
+    assert found[0] == 1
+    assert found[1] == pytest.approx(own.var() / told**2, rel=0.06, abs=1e-3)
+    assert is_scattered(effects, dict([found])) is (sd > 0.1)
+    # a few steps may stand for what else is there
+    assert not is_scattered([DRAG, load(steps[:8])], {1: 0.2})
+
+
+def test_what_is_no_load_on_several_steps_is_not_asked_how_even_it_is(machine):
+    context, place = beside(machine.noise)
+    assert unevenness(context, place, [DRAG, load([7])]) == {}
 
 
 def test_steps_that_stood_in_for_a_later_effect_are_let_go(machine):

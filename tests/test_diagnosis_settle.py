@@ -11,7 +11,7 @@ from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import candidates, evidence_lines, LEFT_OVER
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.verdict import Weighed
-from escalator_twin.diagnosis.walk import refitted
+from escalator_twin.diagnosis.walk import LINKED, refitted
 from escalator_twin.errors import ExperimentError
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
@@ -40,7 +40,7 @@ def named(monkeypatch):
 
     def settle(
         significant=False, explained=1.0, held=None, above=1e6, shaken=0.0, gauges=4,
-        effects=(FRICTION, BOUNCE, GAUGE), stages=(), beside=None,
+        effects=(FRICTION, BOUNCE, GAUGE), stages=(), beside=None, uneven=None,
     ):  # fmt: skip
         def hold_out(*args, earlier=None):
             if earlier is None:
@@ -57,7 +57,8 @@ def named(monkeypatch):
             before=SimpleNamespace(stage=SimpleNamespace(turned={})),
         )  # fmt: skip
         rest = Unexplained(significant, 0.1, explained, {}, above, shaken)
-        rows, _ = conclusion.settle(of_gauges(gauges), walked, rest, 0)
+        bench = replace(LINKED, unevenness=lambda *_: uneven or {})
+        rows, _ = conclusion.settle(of_gauges(gauges), walked, rest, 0, bench)
         return {f.proposal.cause for f, p in rows if p >= conclusion.NAMED}
 
     return settle
@@ -90,6 +91,13 @@ def test_an_effect_is_named_for_what_it_gains_beside_those_before_it(named, besi
         ('truss_resonance', 'first', ['tensioner_friction', 'gauge_gain'], 'after'),
         ('gauge_gain', 'second', ['tensioner_friction', 'truss_resonance'], 'after'),
     ]
+
+
+@pytest.mark.parametrize(('share', 'is_named'), [(0.06, False), (0.01, True)])
+def test_a_load_whose_steps_carry_what_they_like_is_doubted(named, share, is_named):
+    load = found('load_distribution', 2.6e5)
+    told = named(effects=(FRICTION, load), uneven={1: share})
+    assert told == {'tensioner_friction', *(['load_distribution'] if is_named else [])}
 
 
 def test_a_small_further_effect_is_doubted_beside_a_remainder(named):
@@ -154,6 +162,11 @@ def test_what_closes_the_gap_is_no_leftover_though_it_acts_through_the_same_part
     assert not is_left_over('tensioner_preload', 1_000.0, known, 1_900.0)
     # not even so where it is a hundredth of what the law did
     assert is_left_over('tensioner_preload', 90.0, known, 100.0)
+    # nearly all of what is left has its form
+    stop = [found('tensioner_stop', 46_725_000.0)]
+    assert not is_left_over('landing_length', 125_837.0, stop, 121_627.0)
+    assert is_left_over('landing_length', 125_837.0, stop, 144_000.0)
+    assert is_left_over('landing_length', 18_000.0, stop, 18_000.0)
 
 
 def test_a_turned_sensor_is_no_leftover_however_strong_the_first_effect_is():

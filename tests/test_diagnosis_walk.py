@@ -49,6 +49,8 @@ def walked(monkeypatch):
         fell=inf,
         regroup=None,
         neighbours=None,
+        in_one_gauge=False,
+        unevenness=None,
     ):
         monkeypatch.setattr(module, 'freed', lambda place, _: place)
         monkeypatch.setattr(bounds, 'is_open', lambda *_: is_open)
@@ -59,6 +61,7 @@ def walked(monkeypatch):
         monkeypatch.setattr(module, 'explained_by', lambda *_: explained)
         monkeypatch.setattr(bounds, 'fell_by', lambda *_: fell() if callable(fell) else fell)
         monkeypatch.setattr(module, 'may_hide', lambda *_: False)
+        monkeypatch.setattr(module, 'is_in_one_gauge', lambda *_: in_one_gauge)
         bench = Bench(
             propose,
             attempt,
@@ -68,6 +71,7 @@ def walked(monkeypatch):
             lambda *_: {},
             regroup=regroup,
             neighbours=neighbours,
+            unevenness=unevenness,
         )
         whole = walk(SimpleNamespace(place=PLACE, floor=None), bench=bench)
         walk_with.last, walk_with.stages = whole.last, whole.stages
@@ -353,3 +357,34 @@ def test_what_could_not_be_named_in_a_round_is_not_fitted(walked, effect, beside
 
     walked(lambda *_: [effect, gauge][: 1 + (beside is not None)], attempt)
     assert worthy[0] == is_fitted
+
+
+@pytest.mark.parametrize('in_one_gauge', [True, False])
+def test_of_what_one_gauge_alone_shows_no_machine_is_run(walked, in_one_gauge):
+    """A bridge whose zero jumps, and the creep that comes nearest."""
+    drag = Proposal('roller_drag', {'axle': 3, 'side': 'left'}, {'force_N': 30.0}, 3e3)
+    drift = Proposal('gauge_drift', {'link': 'right_b'}, {'strain': 9e-6, 'curvature': 3.5}, 2e3)
+    gain = Proposal('gauge_gain', {'link': 'left_b'}, {'factor': 1.06}, 1.9e3)
+    rounds = iter([[drag, drift], [drag, gain], []])
+    runs = []
+
+    def attempt(_context, _place, _known, chosen, *_):
+        runs.extend(p.cause for p in chosen if p.cause == 'roller_drag')
+        return []
+
+    found = walked(lambda *_: next(rounds), attempt, explained=0.2, in_one_gauge=in_one_gauge)
+    assert bool(runs) is not in_one_gauge
+    if in_one_gauge:  # what it may have leaves nearly all of it: no further round
+        assert found == [drift]
+
+
+@pytest.mark.parametrize(('steps', 'rounds'), [(range(0, 24, 2), 1), (range(3), 2)])
+def test_a_load_that_is_uneven_on_many_steps_ends_the_search(walked, steps, rounds):
+    load = Proposal('load_distribution', {'steps': list(steps)}, {'load_factor': 1.5}, 2e5)
+    drag = Proposal('roller_drag', {'axle': 3, 'side': 'left'}, {'force_N': 90.0}, 1e5)
+    given = iter([[load], [drag], []])
+    found = walked(
+        lambda *_: next(given),
+        unevenness=lambda _, __, effects: {effects.index(load): 0.07},
+    )
+    assert found == [load, drag][:rounds]

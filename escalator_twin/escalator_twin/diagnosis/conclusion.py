@@ -8,6 +8,7 @@ from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import Earlier, hold_out
+from escalator_twin.diagnosis.regroup import UNEVEN
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
@@ -103,8 +104,9 @@ def settle(
     alone = ONE_GAUGE if _has_other_gauges(context.machine) else ()
     farthest = max((found.gain for found in walked.found if _is_far_out(found)), default=-inf)
     of_its_own = gained_beside(context, walked, seed, bench)
+    uneven = bench.unevenness(context, walked.after, effects) if bench.unevenness else {}
     named = []
-    for found, gained in zip(walked.found, of_its_own, strict=True):
+    for k, (found, gained) in enumerate(zip(walked.found, of_its_own, strict=True)):
         small = found.gain < SMALL * largest and found.proposal.cause not in alone
         # beside a larger remainder that nothing explains, a small further effect may be a part of it
         is_part = found.gain < rest.beside(found.proposal.cause)
@@ -115,6 +117,8 @@ def settle(
             doubt *= DOUBT
         if not gained:
             doubt *= REFUSED
+        if uneven.get(k, 0.0) > UNEVEN:
+            doubt *= DOUBT
         named.append((found, found.probability * factor * doubt))
     return named, held
 
@@ -173,7 +177,12 @@ def with_named_alone(
     if not (kept and refused):
         return None
     effects = [found.proposal for found, _ in kept]
-    polished = bench.again(context, freed(walked.before, effects), effects, jobs)
+    start = walked.before
+    is_first = [found for found, _ in kept] == list(walked.found[: len(kept)])
+    if is_first and len(walked.stages) > len(kept):
+        # the tolerances as they fitted beside these, before what is refused was found
+        start = walked.stages[len(kept)]
+    polished = bench.again(context, freed(start, effects), effects, jobs)
     numbers = refitted([found for found, _ in kept], polished)
     rows = [(found, p) for found, (_, p) in zip(numbers, kept, strict=True)]
     return [*rows, *refused], freed(polished.place, effects)

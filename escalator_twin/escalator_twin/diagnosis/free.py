@@ -80,9 +80,11 @@ def without_own(stage: Stage, effects: Sequence[Proposal]) -> Stage:
     columns = stage.nuisance.columns
     # a gauge's creep has a name and a whitened column alone, behind all others
     own_columns = [k for k in keep if k < columns.shape[2]]
+    # what `known_of_measurement` makes room for has a name and a column, and none that is whitened
+    white = [k for k in keep if k < stage.white_nuisance.shape[1]]
     left = tuple(names[k] for k in keep)
     nuisance = replace(stage.nuisance, names=left, columns=columns[:, :, own_columns])
-    return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, keep])
+    return replace(stage, nuisance=nuisance, white_nuisance=stage.white_nuisance[:, white])
 
 
 def known_of_measurement(stage: Stage, effects: Sequence[Proposal]) -> Stage:

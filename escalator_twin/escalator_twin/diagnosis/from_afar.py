@@ -15,6 +15,7 @@ from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
+from escalator_twin.diagnosis.unexplained import beyond_tolerance
 from escalator_twin.diagnosis.verdict import neutral_of, size_in_tolerances
 
 FIRST_STEPS = 1  # of a contender, before the best is known
@@ -76,7 +77,41 @@ def tried_from_afar(
         tried = [*fitted, *found]
         if known or is_riddle(place, tried, floor):
             found += _at_edges(context, afar, place, known, tried, pool, jobs)
+    if all(t.gain <= 0.0 for t in [*fitted, *found] if t.polished is not None):
+        found += _from_here(context, sought, place, known, jobs, is_worth)
     return found
+
+
+def _from_here(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    jobs: int,
+    worth: Worth,
+) -> list[Tried]:
+    """Fit what was sought from afar where the tolerances are, if they have its own farther than a good machine.
+
+    From none turned no way may lead back to where they are. Beside a longer link a spring of 1.4 was sought from
+    afar as 1.41, and its fit from there came to 1.4 times the chi squared of a machine whose spring was turned by
+    eleven of its tolerances (seed 9002, development).
+    """
+    beyond = beyond_tolerance(place)
+    stage = place.stage.lean(place.model)
+    for one in afar.proposals:
+        if one.nuisance not in beyond or _way(one) * beyond[one.nuisance] <= 0.0:
+            continue
+        refined = refine(stage, place.model, place.fitted, one, FIRST_STEPS)
+        if refined is None or refined.gain <= 0.0 or not worth(refined.proposal, refined.gain):
+            continue
+        return [fitted_beside(context, place, known, refined, jobs=jobs)]
+    return []
+
+
+def _way(one: Proposal) -> float:
+    """Return which way a size is from neutral."""
+    key = one.fitted[0]
+    return one.parameters[key] - neutral_of(one.cause, key)
 
 
 def scanned(place: Beside, proposal: Proposal, jobs: int) -> Proposal:
@@ -133,9 +168,7 @@ def _begin_alike(one: Proposal, other: Proposal) -> bool:
     """Tell whether two of one cause at one place are nearly of one size."""
     if not same_place(one, other) or not one.fitted:
         return False
-    key = one.fitted[0]
-    neutral = neutral_of(one.cause, key)
-    is_one_way = (one.parameters[key] - neutral) * (other.parameters[key] - neutral) > 0.0
+    is_one_way = _way(one) * _way(other) > 0.0
     return is_one_way and abs(size_in_tolerances(one) - size_in_tolerances(other)) < ONE_START
 
 

@@ -24,6 +24,8 @@ LEAST_EXPLAINED = 0.4
 # Of the same: beside effects that account for less than the first a name has no belief left, and from the second on it is
 # told as it is. A sure name is one no more where 35 % is open: a bent axle, on no list, seems a soft link that leaves 37 %.
 NO_BELIEF, FULL_BELIEF = 0.5, 0.8
+IN_ONE = 0.9  # of the excess, from which it is taken to be in one gauge alone
+LEAST_GAUGES = 3  # recorded, from which one that differs from all others says so
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
 STAND_FOR = frozenset(knob for knob, _ in LIKE_KNOBS.values())
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
@@ -123,7 +125,7 @@ def is_used_up(place: Beside, but: Container[str] = ()) -> bool:
     Rolling resistance, springs, preload and landings resist as little: six of their tolerances cost 36 of chi
     squared, and beside what was found nothing is open. ``but`` holds those that accepted effects stand for.
     """
-    return _beyond(place, lambda name: name in STAND_FOR and name not in but)
+    return any(name not in but for name in beyond_tolerance(place))
 
 
 def holds_more(place: Beside, floor: Floor, stood_for: Container[str] = ()) -> bool:
@@ -134,12 +136,23 @@ def holds_more(place: Beside, floor: Floor, stood_for: Container[str] = ()) -> b
     return is_open(place, floor) or is_stretched(place) or is_used_up(place, stood_for)
 
 
+def beyond_tolerance(place: Beside) -> dict[str, float]:
+    """Return the tolerances that a cause stands for and that are fitted larger than a good machine has them.
+
+    In standard deviations, what the run holds of them and what is fitted beyond that.
+    """
+    whole = _whole(place)
+    return {n: z for n, z in whole.items() if n in STAND_FOR and abs(z) > EFFECT_TOLERANCES}
+
+
 def _beyond(place: Beside, held: Callable[[str], bool]) -> bool:
-    names = place.stage.nuisance.names
-    chosen = np.array([held(name) for name in names], bool)
-    # what the run holds of a tolerance already, and what is fitted beyond that
-    whole = np.abs(place.fitted.sizes + place.fitted.offset)[: len(names)]
-    return bool((whole[chosen[: len(whole)]] > EFFECT_TOLERANCES).any())
+    return any(abs(z) > EFFECT_TOLERANCES for name, z in _whole(place).items() if held(name))
+
+
+def _whole(place: Beside) -> dict[str, float]:
+    """Return every nuisance's size: what the run holds of a tolerance already, and what is fitted beyond that."""
+    sizes = place.fitted.sizes + place.fitted.offset
+    return {n: float(z) for n, z in zip(place.stage.nuisance.names, sizes, strict=False)}
 
 
 def excess_of(place: Beside, floor: Floor, shaken: bool = False) -> float:
@@ -174,6 +187,20 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
         excess_of(after, context.floor),
         excess_of(after, context.floor, shaken=True),
     )
+
+
+def is_in_one_gauge(place: Beside, floor: Floor) -> bool:
+    """Tell whether what is above a good machine's is in one of several gauges alone.
+
+    No part of the machine pulls at one link and at no other: it is the gauge's own, of whatever form.
+    """
+    sensors = place.stage.machine.instruments.sensors
+    gauges = {s.channel for s in sensors if s.quantity == 'link_force'}
+    own = [channel in gauges for channel in place.stage.observation.channels]
+    above = np.maximum(by_channel(place) - levels_of(place, floor), 0.0)
+    if sum(own) < LEAST_GAUGES or not is_open(place, floor):
+        return False
+    return bool((above[own] >= IN_ONE * above.sum()).any())
 
 
 def fell_by(before: Beside, after: Beside) -> float:

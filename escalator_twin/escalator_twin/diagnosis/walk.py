@@ -30,7 +30,7 @@ from escalator_twin.diagnosis.hollows import out_of_hollow
 from escalator_twin.diagnosis.neighbours import at_neighbours
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regroup import regrouped
+from escalator_twin.diagnosis.regroup import is_scattered, regrouped, unevenness
 from escalator_twin.diagnosis.remnants import without_remnants
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.suggested import begun, NOTHING, Suggested
@@ -38,7 +38,9 @@ from escalator_twin.diagnosis.trial import try_all
 from escalator_twin.diagnosis.unexplained import (
     excess_of,
     explained_by,
+    is_in_one_gauge,
     is_open,
+    LEAST_EXPLAINED,
 )
 from escalator_twin.diagnosis.verdict import (
     by_data,
@@ -103,9 +105,12 @@ def walk(
         proposals = [
             p for p in bench.propose(context, place, jobs) if not is_known_fault(p, known)
         ]
+        lone = is_in_one_gauge(place, context.floor)
+        if lone:  # what the machine does is in others too
+            proposals = [p for p in proposals if not of_machine(p)]
         last = Round(context, place, tuple(known), tuple(proposals))
         afar = None
-        hides_more = not bounds.is_left_over('', bounds.most())
+        hides_more = not lone and not bounds.is_left_over('', bounds.most())
         if hides_more and may_hide(place, context.floor, known):
             afar = look_afar(context, jobs, known)
         if afar is not None:
@@ -191,11 +196,16 @@ def walk(
                 context, place = polished.context, polished.place
                 stages.clear()  # they hold it where it was
         found = [f for f in found if not _is_gone(f.proposal)]
-        place = freed(place, [*start, *(f.proposal for f in found)])
+        effects = [f.proposal for f in found]
+        place = freed(place, [*start, *effects])
         explained = explained_by(before, place, context.floor)
         if say is not None:
             say(f'{len(found)} effects explain {explained:.3f}')
         if is_in_vain(found, explained, MOST_EFFECTS - len(found), accepted):
+            break
+        if explained < LEAST_EXPLAINED and is_in_one_gauge(place, context.floor):
+            break  # the strongest of what a gauge may have leaves nearly all of what it has
+        if bench.unevenness and is_scattered(effects, bench.unevenness(context, place, effects)):
             break
     if len(stages) != len(found):
         stages = []
@@ -262,4 +272,5 @@ LINKED = Bench(
     out_of_hollow,
     regrouped,
     at_neighbours,
+    unevenness,
 )

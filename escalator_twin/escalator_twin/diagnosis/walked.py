@@ -88,6 +88,8 @@ class Bench:
         See `regrouped`.
     neighbours : callable, optional
         See `at_neighbours`.
+    unevenness : callable, optional
+        See `unevenness`.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
@@ -103,3 +105,4 @@ class Bench:
         None
     )
     neighbours: Callable[..., Polished] | None = None
+    unevenness: Callable[[Context, Beside, Sequence[Proposal]], Mapping[int, float]] | None = None
