@@ -35,6 +35,7 @@ def load(steps, factor=1.8):
 @pytest.fixture
 def machine(monkeypatch):
     """Return steps' responses, and a drag's, which two of them look like."""
+    monkeypatch.setattr(regroup, 'is_open', lambda *_: False)
     rng = np.random.default_rng(4)
     each = rng.normal(size=(M, N))
     drag = 0.5 * (each[:, 37] + each[:, 40]) + rng.normal(size=M)
@@ -55,6 +56,7 @@ def beside(left):
         machine=None,
         responses=SimpleNamespace(places={'load_distribution': 'of one step'}),
         setting=SimpleNamespace(experiment=SimpleNamespace(direction=1)),
+        floor=None,
     )
     return context, SimpleNamespace(stage=stage, fitted=fitted)
 
@@ -82,6 +84,24 @@ def test_loads_that_are_uneven_everywhere_are_told_from_one_load_on_some_steps(m
     assert is_scattered(effects, dict([found])) is (sd > 0.1)
     # a few steps may stand for what else is there
     assert not is_scattered([DRAG, load(steps[:8])], {1: 0.2})
+
+
+@pytest.mark.parametrize(
+    ('is_open', 'closed', 'is_uneven'),
+    [(True, 0.9, True), (True, 0.3, False), (False, 0.9, False)],
+)
+def test_steps_that_were_not_chosen_count_where_they_close_what_is_open(
+    machine, monkeypatch, is_open, closed, is_uneven
+):
+    steps, others = [1, 7, 8, 15, 26], [2, 3, 30, 31, 32, 44]
+    shares = 0.3 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    left = machine.each[:, others] @ shares + 0.1 * machine.noise
+    monkeypatch.setattr(regroup, 'is_open', lambda *_: is_open)
+    explained = M * float(shares @ shares)  # of independent columns with unit variance
+    monkeypatch.setattr(regroup, 'excess_of', lambda *_: explained / closed)
+    (share,) = unevenness(*beside(left), [DRAG, load(steps)]).values()
+    expected = explained / (M * 0.8**2 * len(steps)) if is_uneven else 0.0
+    assert share == pytest.approx(expected, rel=0.2, abs=1e-2)
 
 
 def test_what_is_no_load_on_several_steps_is_not_asked_how_even_it_is(machine):

@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.found import CLOSES
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inner_products, inverse
 from escalator_twin.diagnosis.search_places import LONGEST_RUN, worth_a_step
+from escalator_twin.diagnosis.unexplained import excess_of, is_open, SIGMAS
 from escalator_twin.diagnosis.verdict import neutral_of
 from escalator_twin.diagnosis.view import View
 from escalator_twin.errors import EscalatorError
@@ -54,6 +56,8 @@ def unevenness(
 ) -> dict[int, float]:
     """Return of every load on several steps what a load of each one's own would explain more, as a share.
 
+    Where much is open beside it and loads of all steps would close it, those that were not chosen count as well.
+
     Parameters
     ----------
     context, place, effects, jobs
@@ -71,8 +75,12 @@ def unevenness(
         steps = _steps(one)
         rows = np.ix_(steps, steps)
         common = float(right[steps].sum() ** 2 / gram[rows].sum())
-        free = float(right[steps] @ inverse(gram[rows]) @ right[steps])
-        found[effects.index(one)] = (free - common - (len(steps) - 1)) / common
+        free = float(right[steps] @ inverse(gram[rows]) @ right[steps]) - (len(steps) - 1)
+        every = float(right @ inverse(gram) @ right) - (len(right) - 1)
+        is_left = is_open(place, context.floor, SIGMAS)
+        if is_left and every - common >= CLOSES * excess_of(place, context.floor):
+            free = max(free, every)
+        found[effects.index(one)] = (free - common) / common
     return found
 
 
