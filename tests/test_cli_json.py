@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shells import bag_in, GIVEN, one_line, run
 
+from escalator_twin.cli import check
 from escalator_twin.cli.output import dumps, plain, Rule, write_text
 from escalator_twin.errors import EscalatorError
 
@@ -17,6 +18,19 @@ pytestmark = pytest.mark.issue(2)
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     return bag_in(tmp_path_factory.mktemp('cli'))
+
+
+@pytest.mark.parametrize(
+    ('count', 'told'), [(0, '0 findings'), (1, '1 finding'), (2, '2 findings')]
+)
+def test_findings_are_counted(count, told):
+    row = {'kind': 'gauge_dead', 'channel': 'link_force/left_a', 'from_s': 0.0, 'to_s': 9.0}
+    document = {
+        'path': 'bag', 'topics': [], 'clock': {'offset_s': None, 'reason': 'one clock'},
+        'container': {'losses': [], 'notes': []},
+        'quality': [{**row, 'detail': 'constant', 'repaired': False}] * count,
+    }  # fmt: skip
+    assert f'  {told}' in check.show(document).splitlines()
 
 
 def test_json_to_a_file_and_to_stdout_is_the_same(capsys, bag, tmp_path):

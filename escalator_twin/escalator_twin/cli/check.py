@@ -44,7 +44,8 @@ def show(document: Document) -> str:
     lines += ['', f'  clock: {_clock(document["clock"])}']
     container = document['container']
     lines += [f'  {text}' for text in container['losses'] + container['notes']]
-    lines += ['', f'  {len(document["quality"])} findings']
+    count = len(document['quality'])
+    lines += ['', f'  {count} finding' + 's' * (count != 1)]
     lines += [_finding(finding) for finding in document['quality']]
     return '\n'.join(lines) + '\n'
 

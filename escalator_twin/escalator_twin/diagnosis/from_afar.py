@@ -99,7 +99,8 @@ def _from_here(
     beyond = beyond_tolerance(place)
     stage = place.stage.lean(place.model)
     for one in afar.proposals:
-        if one.nuisance not in beyond or _way(one) * beyond[one.nuisance] <= 0.0:
+        held = beyond.get(one.nuisance or '', 0.0)
+        if not one.fitted or _way(one) * held <= 0.0:
             continue
         refined = refine(stage, place.model, place.fitted, one, FIRST_STEPS)
         if refined is None or refined.gain <= 0.0 or not worth(refined.proposal, refined.gain):
