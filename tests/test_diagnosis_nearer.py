@@ -111,7 +111,7 @@ def test_what_is_known_is_not_fitted_beside_a_tolerance_that_holds_the_effect(mo
             pass
 
         def beside(self, *_):
-            return Level.of(9000.0)
+            return Level.of(8600.0)
 
     def fitted_on(*_):
         raise AssertionError('it costs a fit')
