@@ -10,7 +10,13 @@ from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
-from escalator_twin.diagnosis.regroup import carrying, is_scattered, regrouped, unevenness
+from escalator_twin.diagnosis.regroup import (
+    carrying,
+    is_scattered,
+    regrouped,
+    UNEVEN,
+    unevenness,
+)
 from escalator_twin.diagnosis.verdict import Weighed
 from escalator_twin.errors import ExperimentError
 
@@ -81,9 +87,11 @@ def test_loads_that_are_uneven_everywhere_are_told_from_one_load_on_some_steps(m
     (found,) = unevenness(context, place, effects).items()
     assert found[0] == 1
     assert found[1] == pytest.approx(own.var() / told**2, rel=0.06, abs=1e-3)
-    assert is_scattered(effects, dict([found])) is (sd > 0.1)
+    assert is_scattered(context, place, effects) is (sd > 0.1)
     # a few steps may stand for what else is there
-    assert not is_scattered([DRAG, load(steps[:8])], {1: 0.2})
+    few = [DRAG, load(steps[:8], 1.0 + told)]
+    assert not is_scattered(context, place, few)
+    assert (unevenness(context, place, few)[1] > UNEVEN) is (sd > 0.1)
 
 
 @pytest.mark.parametrize(

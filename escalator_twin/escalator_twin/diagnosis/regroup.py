@@ -1,6 +1,6 @@
 """The steps of an accepted load: which of them still carry it beside what was found since, and whether alike."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -85,14 +85,23 @@ def unevenness(
     return found
 
 
-def is_scattered(effects: Sequence[Proposal], uneven: Mapping[int, float]) -> bool:
+def is_scattered(
+    context: Context, place: Beside, effects: Sequence[Proposal], jobs: int = 1
+) -> bool:
     """Tell whether a load is on more steps than are sought in a run, and on each of them another.
 
     Fewer may stand for what else is there, and are chosen once more beside it.
+
+    Parameters
+    ----------
+    context, place, effects, jobs
+        As of `regrouped`.
     """
-    return any(
-        share > UNEVEN and len(_steps(effects[k])) > LONGEST_RUN for k, share in uneven.items()
-    )
+    long = {k for k, e in enumerate(effects) if e.cause == LOAD and len(_steps(e)) > LONGEST_RUN}
+    if not long:  # the twin need not run
+        return False
+    uneven = unevenness(context, place, effects, jobs)
+    return any(uneven.get(k, 0.0) > UNEVEN for k in long)
 
 
 def _of_single_steps(

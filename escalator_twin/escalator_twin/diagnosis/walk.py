@@ -205,7 +205,7 @@ def walk(
             break
         if explained < LEAST_EXPLAINED and is_in_one_gauge(place, context.floor):
             break  # the strongest of what a gauge may have leaves nearly all of what it has
-        if bench.unevenness and is_scattered(effects, bench.unevenness(context, place, effects)):
+        if bench.is_scattered and bench.is_scattered(context, place, effects):
             break
     if len(stages) != len(found):
         stages = []
@@ -273,4 +273,5 @@ LINKED = Bench(
     regrouped,
     at_neighbours,
     unevenness,
+    is_scattered,
 )

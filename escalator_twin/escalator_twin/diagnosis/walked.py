@@ -88,8 +88,8 @@ class Bench:
         See `regrouped`.
     neighbours : callable, optional
         See `at_neighbours`.
-    unevenness : callable, optional
-        See `unevenness`.
+    unevenness, is_scattered : callable, optional
+        See `unevenness` and `is_scattered`.
     """
 
     propose: Callable[[Context, Beside, int], list[Proposal]]
@@ -106,3 +106,4 @@ class Bench:
     )
     neighbours: Callable[..., Polished] | None = None
     unevenness: Callable[[Context, Beside, Sequence[Proposal]], Mapping[int, float]] | None = None
+    is_scattered: Callable[[Context, Beside, Sequence[Proposal]], bool] | None = None
