@@ -6,8 +6,10 @@ from makers import changed, prototype, synthetic
 import numpy as np
 import pytest
 
+from escalator_twin.bagfile.reading import NO_NUMBERS
 from escalator_twin.check import quality
 from escalator_twin.check.clock import ClockComparison
+from escalator_twin.check.gaps import MORE, SHORT
 from escalator_twin.diagnosis.context import noises_of
 from escalator_twin.diagnosis.faults import faults_of
 from escalator_twin.signals import Finding
@@ -88,6 +90,19 @@ def test_a_gap_of_two_channels_is_one_fault(recording):
 def test_gaps_at_two_times_are_two(recording):
     broken = without(without(recording, LEFT_A, 20.0, 24.0), RIGHT_B, 40.0, 44.0)
     assert [fault.location['channels'] for fault in seen(broken)] == [[LEFT_A], [RIGHT_B]]
+
+
+def test_samples_lost_here_and_there_are_no_gap_from_the_first_to_the_last(recording):
+    """Nor are those that are no numbers, or more gaps than are told one by one: the findings tell them."""
+    signal = recording.signals[LEFT_A]
+    there = np.random.default_rng(2).random(len(signal.values)) > 0.05
+    names = ('stamp_ns', 'bag_ns', 'parts')
+    columns = {name: getattr(signal, name)[there] for name in names}
+    lossy = changed(recording, LEFT_A, **columns)
+    assert any(SHORT in finding.detail for finding in quality(lossy, MACHINE))
+    assert seen(lossy) == []
+    texts = [f'12 samples {NO_NUMBERS}: dropped', f'3 {MORE}']
+    assert told([Finding('data_gap', LEFT_A, 0.0, 60.0, text) for text in texts]) == []
 
 
 def test_spikes(recording):

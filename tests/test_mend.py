@@ -6,6 +6,7 @@ import pytest
 
 from escalator_twin import bagfile
 from escalator_twin.check import quality
+from escalator_twin.check.gaps import STILL
 from escalator_twin.check.spikes import outliers
 from escalator_twin.comparison.mend import axial_weights, mend
 
@@ -117,3 +118,48 @@ def test_what_living_gauges_tell_is_noisier_and_that_is_told(root):
     # against all four it has a quarter of each gauge's noise of 0.25 microstrain more or less; they creep apart
     off = repaired.signals[LEFT_A].values - recording.signals[LEFT_A].values
     assert np.std(np.diff(off)) / 2.0**0.5 == pytest.approx(0.125e-6 * EA, rel=0.1)
+
+
+def test_what_stands_still_becomes_a_gap():
+    """A logger that repeats its last value while the gauges' telemetry is away has nothing of the machine."""
+    recording = synthetic(MACHINE, 60.0)
+    parts = np.array(recording.signals[LEFT_A].parts)
+    parts[4000:5000] = parts[4000]
+    repaired, kinds = mended(changed(recording, LEFT_A, parts=parts))
+    assert ('data_gap', LEFT_A, True) in kinds
+    before, after = recording.signals[LEFT_A], repaired.signals[LEFT_A]
+    lost = np.setdiff1d(before.stamp_ns, after.stamp_ns)
+    assert lost == pytest.approx(before.stamp_ns[4000:5000])
+    kept = np.isin(before.stamp_ns, after.stamp_ns)
+    assert np.array_equal(after.values, parts.mean(axis=1)[kept])
+
+
+def test_a_channel_that_dies_is_as_long_as_it_was_recorded():
+    recording = synthetic(MACHINE, 60.0)
+    parts = np.array(recording.signals[LEFT_A].parts)
+    parts[4000:] = parts[4000]
+    repaired, _ = mended(changed(recording, LEFT_A, parts=parts))
+    before, after = (r.signals[LEFT_A].stamp_ns for r in (recording, repaired))
+    assert np.array_equal(after, np.r_[before[:4000], before[-1]])
+
+
+def test_a_channel_that_never_moves_is_none():
+    recording = synthetic(MACHINE, 60.0)
+    signal = recording.signals[LEFT_A]
+    flat = np.zeros_like(signal.parts)
+    repaired, kinds = mended(changed(recording, LEFT_A, parts=flat))
+    assert ('data_gap', LEFT_A, True) in kinds
+    assert set(repaired.signals) == set(recording.signals) - {LEFT_A}
+
+
+def test_a_gap_is_not_told_as_repaired_since_its_channel_stood_still_elsewhere():
+    recording = synthetic(MACHINE, 60.0)
+    signal = recording.signals[LEFT_A]
+    parts = np.array(signal.parts)
+    parts[4000:5000] = parts[4000]
+    there = np.r_[0:6000, 7000 : len(parts)]
+    columns = {name: getattr(signal, name)[there] for name in ('stamp_ns', 'bag_ns')}
+    parts = parts[there]
+    broken = changed(recording, LEFT_A, parts=parts, **columns)
+    told = [f for f in mend(broken, MACHINE, quality(broken, MACHINE))[1] if f.kind == 'data_gap']
+    assert {f.detail.startswith(STILL): f.repaired for f in told} == {True: True, False: False}

@@ -181,6 +181,27 @@ def test_gaps_are_marked():
     assert not track.valid[102:298].any()
 
 
+@pytest.mark.parametrize('frequency', [2.0, 13.0])
+def test_lost_samples_are_bridged_by_more_than_a_line(frequency):
+    """Against closed form: in the middle of two steps a line is off by a half of (pi f / rate)**2 of a sine."""
+    rate, n = 200.0, 4000
+    rng = np.random.default_rng(3)
+    kept = np.ones(n, bool)
+    kept[1:-1] = rng.random(n - 2) > 0.1
+    time = np.arange(n) / rate
+    stamps = 10**18 + np.arange(n) * 5_000_000
+    signal = make_signal(
+        'a/b', 'N', stamps[kept], stamps[kept], np.sin(2.0 * np.pi * frequency * time[kept])
+    )
+    track = time_one(signal, rate, 10**18, Clock())
+    off = np.abs(track.values - np.sin(2.0 * np.pi * frequency * time))
+    alone = ~kept & np.roll(kept, 1) & np.roll(kept, -1) & np.roll(kept, 2) & np.roll(kept, -2)
+    line = 2.0 * (np.pi * frequency / rate) ** 2
+    assert alone.sum() > 200
+    assert off[alone].max() < 0.05 * line
+    assert off[kept].max() < 1e-12
+
+
 def test_one_sample_is_refused():
     signal = make_signal('a/b', 'N', [1], [1], [1.0])
     with pytest.raises(RecordingError, match='a/b: expected samples, found 1'):

@@ -21,6 +21,7 @@ LARGEST = 1e100
 MAX_NOT_FINITE = 0.1
 # Messages this far outside a window of bag time decide on order and repetition inside, ns.
 MARGIN_NS = 2_000_000_000
+NO_NUMBERS = 'are no numbers'
 
 
 def read(
@@ -266,7 +267,7 @@ def _finite(parts: Floats) -> tuple[Floats, NDArray[np.bool_], list[tuple[str, s
     is_kept: NDArray[np.bool_] = np.asarray(is_finite.all(axis=1))
     n_lost = int((~is_kept).sum())
     if n_lost:
-        mended.append(('data_gap', f'{n_lost} samples are no numbers: dropped'))
+        mended.append(('data_gap', f'{n_lost} samples {NO_NUMBERS}: dropped'))
     return parts, is_kept, mended
 
 

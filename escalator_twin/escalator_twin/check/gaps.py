@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from escalator_twin.bagfile.reading import NO_NUMBERS
 from escalator_twin.machine import Sensor
 from escalator_twin.signals import Finding, Floats, Nanoseconds, Signal
 
@@ -17,6 +18,8 @@ JITTER_SHARE = 0.25
 # period at the upper edge of what is compared, 20 Hz; shorter ones are interpolated safely.
 LONG_GAP = 10
 MAX_TOLD = 10
+STILL = 'the value stands still'
+SHORT, MORE = 'short gaps', 'more gaps of this kind'
 # Chance of calling a live signal still, for a whole recording.
 STILL_CHANCE = 1e-6
 
@@ -119,11 +122,11 @@ def judge_steps(steps: Steps, sensor: Sensor) -> list[Finding]:
     for from_s, to_s, missing in steps.long[order][:MAX_TOLD]:
         tell('data_gap', from_s, to_s, f'{int(missing)} samples missing')
     if len(steps.long) > MAX_TOLD:
-        text = f'{len(steps.long) - MAX_TOLD} more gaps of this kind'
+        text = f'{len(steps.long) - MAX_TOLD} {MORE}'
         tell('data_gap', first, last, text)
     short = steps.short
     if len(short):
-        text = f'{int(short[:, 2].sum())} samples missing in {len(short)} short gaps'
+        text = f'{int(short[:, 2].sum())} samples missing in {len(short)} {SHORT}'
         tell('data_gap', short[0, 0], short[-1, 1], text)
     return findings
 
@@ -148,6 +151,11 @@ def edges(ends: Sequence[tuple[Sensor, int, int]], start_ns: int, end_ns: int) -
                 text = f'{n_missing} samples missing at an end that other channels have'
                 findings.append(Finding('data_gap', sensor.channel, from_s, to_s, text))
     return findings
+
+
+def is_scattered(finding: Finding) -> bool:
+    """Tell whether a finding gathers what is lost here and there: from its begin to its end is no one gap."""
+    return any(text in finding.detail for text in (SHORT, MORE, NO_NUMBERS))
 
 
 def longest_live_run(noise: float, resolution: float, n: int) -> int:

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 import re
 
+from escalator_twin.check.gaps import STILL
 from escalator_twin.signals import Finding
 
 NUMBER = re.compile(r'\d+')
 COUNTED = re.compile(r'\d+ (messages|samples) ')
-STILL = 'the value stands still'
 SATURATED = re.compile(r'(.*?)(\d+) samples at the (largest|smallest) value, (\S+)')
 
 

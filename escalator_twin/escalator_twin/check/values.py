@@ -1,12 +1,13 @@
 """Faults of sensors that show in their own signal: still, dead, clipped, spiky, humming."""
 
+from collections.abc import Sequence
 import itertools
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from escalator_twin.check.gaps import longest_live_run, still_runs
+from escalator_twin.check.gaps import longest_live_run, STILL, still_runs
 from escalator_twin.machine import Sensor
 from escalator_twin.signals import Finding, Floats, Signal
 
@@ -69,11 +70,11 @@ def own_noise(values: Floats) -> float:
 def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     """Find where a channel reads a constant, and gauges that read one or do not follow."""
     parts = parts_of(signal, sensor)
-    is_still = np.stack([_still(part, sensor) for part in parts])
+    is_still = _still_parts(parts, sensor)
     all_still: NDArray[np.bool_] = np.asarray(is_still.all(axis=0))
     findings = []
     for begin, end in _spans(all_still):
-        text = f'the value stands still for {time_s[end] - time_s[begin]:.2f} s'
+        text = f'{STILL} for {time_s[end] - time_s[begin]:.2f} s'
         findings.append(_finding('data_gap', signal, time_s, begin, end, text))
     if len(parts) > 1:
         for k, part in enumerate(parts):
@@ -85,6 +86,19 @@ def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
                 findings.append(_finding('gauge_dead', signal, time_s, begin, end, text))
         findings += _twins(signal, sensor, time_s, is_still)
     return findings
+
+
+def stands_still(signal: Signal, sensor: Sensor) -> NDArray[np.bool_]:
+    """Tell of each sample whether the whole channel reads a constant there, (n,)."""
+    found: NDArray[np.bool_] = np.asarray(
+        _still_parts(parts_of(signal, sensor), sensor).all(axis=0)
+    )
+    return found
+
+
+def _still_parts(parts: Sequence[Part], sensor: Sensor) -> NDArray[np.bool_]:
+    """Tell of each sample of each part whether it stands still, (parts, n)."""
+    return np.stack([_still(part, sensor) for part in parts])
 
 
 def _still(part: Part, sensor: Sensor) -> NDArray[np.bool_]:

@@ -1,24 +1,31 @@
 """Repair in memory what can be repaired without a guess; every repair is named."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from escalator_twin.check.gaps import STILL
 from escalator_twin.check.quality import is_beside
 from escalator_twin.check.spikes import outliers
-from escalator_twin.check.values import own_noise
+from escalator_twin.check.values import own_noise, stands_still
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, read_only, Recording, Signal
 
 DEAD_NOISE = 3.0  # a part that moves by less than this many times its noise while others live
 LIVE_NOISE = 12.0  # the others then move by more than this
+# Of a channel's samples: fewer that move are as good as none. An argument: of the shortest recording that is judged,
+# a loop of a minute, it is six seconds.
+LEAST_ALIVE = 0.1
 MENDED = ('sensor_spikes', 'gauge_dead')  # in this order: a mean is taken of mended parts
 
 
 def mend(
     recording: Recording, machine: Machine, findings: list[Finding]
 ) -> tuple[Recording, list[Finding]]:
-    """Bridge isolated outliers and leave out dead parts of a channel.
+    """Bridge isolated outliers, leave out dead parts of a channel, and what of it stands still.
+
+    A channel that nearly always stands still is left out as a whole.
 
     Parameters
     ----------
@@ -50,14 +57,16 @@ def mend(
         if mended is not None:
             signals[channel] = mended
             done[kind, channel] = noise
-    if not done:
+    signals, still = _without_still(signals, machine, findings)
+    if not done and not still:
         return recording, findings
-    told = [
-        replace(f, repaired=True, noise=done[f.kind, f.channel])
-        if (f.kind, f.channel) in done
-        else f
-        for f in findings
-    ]
+    told = []
+    for f in findings:
+        if (f.kind, f.channel) in done:
+            f = replace(f, repaired=True, noise=done[f.kind, f.channel])
+        elif f.channel in still and _is_still(f):
+            f = replace(f, repaired=True)
+        told.append(f)
     return replace(recording, signals=signals), told
 
 
@@ -86,6 +95,41 @@ def _without_spikes(
             parts[hit, k] = np.interp(index[hit], index[~hit], parts[~hit, k])
             is_mended = True
     return _with_parts(signal, parts, parts.mean(axis=1)) if is_mended else None
+
+
+def _without_still(
+    signals: Mapping[str, Signal], machine: Machine, findings: Sequence[Finding]
+) -> tuple[dict[str, Signal], list[str]]:
+    """Return signals without the samples at which their channel reads a constant; also which were mended.
+
+    They become a gap. The first and the last sample stay: a channel is as long as it was recorded.
+    """
+    left = dict(signals)
+    told = {f.channel for f in findings if _is_still(f)}
+    mended: list[str] = []
+    for channel in sorted(told & set(signals)):
+        signal = signals[channel]
+        moves = ~stands_still(signal, machine.instruments.sensor(channel))
+        if moves.all():  # it was an outlier's neighbours that stood still
+            continue
+        mended.append(channel)
+        if moves.mean() < LEAST_ALIVE:
+            del left[channel]
+            continue
+        moves[[0, -1]] = True
+        left[channel] = Signal(
+            channel,
+            signal.unit,
+            read_only(signal.stamp_ns[moves], np.int64),
+            read_only(signal.bag_ns[moves], np.int64),
+            read_only(signal.values[moves]),
+            read_only(signal.parts[moves]),
+        )
+    return left, mended
+
+
+def _is_still(finding: Finding) -> bool:
+    return finding.kind == 'data_gap' and finding.detail.startswith(STILL)
 
 
 def _without_dead(signal: Signal, sensor: Sensor) -> tuple[Signal, float] | None:

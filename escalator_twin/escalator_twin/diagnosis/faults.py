@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import re
 
+from escalator_twin.check.gaps import is_scattered
 from escalator_twin.comparison.exchanged import exchanged, other_of
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.machine import Machine
@@ -120,10 +121,10 @@ def _hum(findings: Sequence[Finding], machine: Machine, plugged: Mapping[str, st
 
 
 def _gaps(findings: Sequence[Finding]) -> list[Fault]:
-    """Gather the channels that miss samples at one time."""
+    """Gather the channels that miss samples at one time, each gap by itself."""
     groups: list[tuple[float, float, list[str]]] = []
     for finding in _of(findings, 'data_gap'):
-        if not finding.channel:
+        if not finding.channel or is_scattered(finding):
             continue
         for start, end, channels in groups:
             if abs(start - finding.from_s) < SAME_GAP_S and abs(end - finding.to_s) < SAME_GAP_S:

@@ -5,12 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from escalator_twin.errors import RecordingError
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats, Recording, Signal
 
 GAP_STEPS = 1.5  # a grid point farther than this from any sample is a gap
+# Between samples farther apart than one, one or two are lost, and a cubic bridges them: of 13 Hz at 200 Hz a straight
+# line is off by 2 % in the middle of one lost sample, the cubic by less than 0.1 %.
+LOST_STEPS = (1.5, 3.5)
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Timed:
     time_s : (n,) float64
         Reference (ground) time since the recording's origin, s.
     values : (n,) float64
-        SI; linear across gaps.
+        SI; a cubic where one or two samples are lost, else linear.
     valid : (n,) bool
         False inside gaps.
     rate_hz : float
@@ -92,6 +96,10 @@ def time_one(signal: Signal, rate_hz: float, origin: int, clock: Clock) -> Timed
     grid = np.arange(n) / rate_hz
     values = np.interp(grid, own, signal.values)
     after = np.clip(np.searchsorted(own, grid), 1, len(own) - 1)
+    apart = own[after] - own[after - 1]
+    lost = (apart > LOST_STEPS[0] / rate_hz) & (apart < LOST_STEPS[1] / rate_hz)
+    if lost.any():
+        values[lost] = CubicSpline(own, signal.values)(grid[lost])
     distance = np.minimum(np.abs(grid - own[after - 1]), np.abs(own[after] - grid))
     since = grid + (int(signal.stamp_ns[0]) - origin) * 1e-9
     time = since - clock.offset_s - clock.rate * (since - clock.offset_s)
