@@ -1,6 +1,7 @@
 """What is told of effects of which some are not named: sizes, gain and remainder of the named ones alone."""
 
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 
@@ -25,15 +26,25 @@ GAUGE = found('gauge_gain', 'factor', 1.09)
 STEP = found('guide_step', 'height_m', 4e-4)
 
 
+HELD = SimpleNamespace(significant=True)
+
+
+class Rest(NamedTuple):
+    before: str
+    after: str
+    significant: bool = False
+    explained: float = 1.0
+
+
 @pytest.fixture
 def concluded(monkeypatch):
     """Return what is told of effects, with what was run beside which of them."""
 
-    def conclude(effects, probabilities, gain=None, stages=()):
+    def conclude(effects, probabilities, gain=None, stages=(), explained=1.0, alone=1.0):
         asked = SimpleNamespace(fitted=[], held=[], reached=[])
 
         def settle(*_):
-            return list(zip(effects, probabilities, strict=True)), 'held of all'
+            return list(zip(effects, probabilities, strict=True)), HELD
 
         def again(_, place, kept, __):
             asked.fitted.append((place, [e.cause for e in kept]))
@@ -55,21 +66,24 @@ def concluded(monkeypatch):
         monkeypatch.setattr(conclusion, 'settle', settle)
         monkeypatch.setattr(conclusion, 'hold_out', hold_out)
         monkeypatch.setattr(conclusion, 'with_reach', with_reach)
-        monkeypatch.setattr(conclusion, 'look', lambda _, before, after: (before, after))
+        monkeypatch.setattr(
+            conclusion, 'look', lambda _, before, after: Rest(before, after, alone < 1.0, alone)
+        )
         monkeypatch.setattr(
             conclusion, 'freed', lambda place, kept: f'{place}, free {[e.cause for e in kept]}'
         )
         bench = SimpleNamespace(again=again, bare=lambda place, _: place, begin=lambda *_: {})
         monkeypatch.setattr(conclusion, 'LINKED', bench)
         walked = SimpleNamespace(found=effects, before='before', after='after', stages=stages)
-        return (*conclusion.conclude('context', walked, 'rest of all', 0, bench), asked)
+        rest = Rest('before', 'after', explained < 1.0, explained)
+        return (*conclusion.conclude('context', walked, rest, 0, bench), asked)
 
     return conclude
 
 
 def test_where_all_are_named_nothing_is_fitted_again(concluded):
     named, held, rest, after, asked = concluded((FRICTION, GAUGE), (0.99, 0.9))
-    assert (held, rest, after) == ('held of all', 'rest of all', 'after')
+    assert (held, rest, after) == (HELD, Rest('before', 'after'), 'after')
     assert named == [(FRICTION, 0.99), (GAUGE, 0.9)]
     assert (asked.fitted, asked.held) == ([], [])
     assert asked.reached == [('after', ['tensioner_friction', 'gauge_gain'])]
@@ -80,7 +94,7 @@ def test_sizes_gain_and_remainder_are_those_of_what_is_named(concluded):
     kept = ['tensioner_friction', 'gauge_gain']
     assert asked.fitted == [(f'before, free {kept}', kept)]
     assert after == f'refitted, free {kept}'
-    assert rest == ('before', after)
+    assert rest == Rest('before', after)
     assert asked.held == [(after, kept)]
     assert held.significant
     rows = [(f.proposal.cause, p, [*f.proposal.parameters.values()]) for f, p in named]
@@ -113,12 +127,25 @@ def test_the_fit_begins_where_the_tolerances_fitted_beside_what_is_named(
 def test_what_gains_nothing_without_the_refused_one_is_not_named_either(concluded, gain):
     named, _, rest, _, asked = concluded((STEP, FRICTION), (0.2, 0.99), gain)
     assert max(p for _, p in named) < conclusion.NAMED
-    assert rest == ('before', 'before')  # nothing is explained
+    assert rest == Rest('before', 'before')  # nothing is explained
     assert asked.reached == []
+
+
+@pytest.mark.parametrize(
+    ('explained', 'alone', 'expected'),
+    [(1.0, 0.0, 0.0), (1.0, 0.65, 0.495), (0.65, 0.65, 0.99), (0.7, 0.75, 0.99), (1.0, 0.9, 0.99)],
+)
+def test_a_name_is_believed_beside_what_stays_open_with_it_alone(
+    concluded, explained, alone, expected
+):
+    """Beside a refused step a mass left nothing open, and beside none all of it: it was told with 0.99."""
+    named, *_ = concluded((STEP, FRICTION), (0.2, 0.99), explained=explained, alone=alone)
+    (found,) = (p for f, p in named if f.proposal.cause == 'tensioner_friction')
+    assert found == pytest.approx(expected)
 
 
 def test_where_none_is_named_all_is_unexplained(concluded):
     named, held, rest, after, asked = concluded((STEP, FRICTION), (0.2, 0.3))
     assert [p for _, p in named] == [0.2, 0.3]
-    assert (held, rest, after) == ('held of all', ('before', 'before'), 'after')
+    assert (held, rest, after) == (HELD, Rest('before', 'before'), 'after')
     assert (asked.fitted, asked.reached) == ([], [])

@@ -125,6 +125,13 @@ def test_an_inverted_axis_and_exchanged_channels():
     assert (other.cause, other.location) == ('channel_swap', {'channels': [LEFT_A, RIGHT_B]})
 
 
+def test_an_inverted_link_is_no_cause_of_the_list():
+    assert (
+        told([Finding('axis_inverted', LEFT_A, 0.0, 60.0, 'reads with the wrong sign', True)])
+        == []
+    )
+
+
 def test_where_plugs_are_exchanged_a_gauges_fault_is_told_of_its_link():
     """The recorded channel holds the other link's gauges; what the channel lost stays its own."""
     span = (0.0, 60.0)

@@ -104,6 +104,13 @@ def test_all_forces_larger_alike_is_no_gauges_gain(alike, named):
         assert top.parameters['factor'] == pytest.approx(1.03, abs=0.003)
 
 
+@pytest.mark.parametrize(('larger', 'is_gain'), [(-0.8, True), (-1.0, False), (-2.0, False)])
+def test_a_gauge_that_reads_nothing_or_the_wrong_way_has_no_gain(larger, is_gain):
+    links = [p.location['link'] for p in proposed(larger * of('left_a'))]
+    assert ('left_a' in links) is is_gain
+    assert len(links) == 3 + is_gain
+
+
 @pytest.mark.parametrize('wrong', [0.03, -0.03, -0.09])
 def test_which_of_a_links_two_gauges_is_at_fault_is_told(wrong):
     """That the machine pulls otherwise on both, and the other gauge is off by as much, takes two faults."""

@@ -11,12 +11,12 @@ from escalator_twin.diagnosis.floor import Floor
 pytestmark = pytest.mark.issue(6)
 
 LEVEL, LIMIT = np.ones(2), np.full(2, 1.2)
+SHAKEN = 1e4  # of chi squared, above a good machine's
 
 
 def place(energy, chi2):
-    return SimpleNamespace(
-        energy=np.array(energy), stage=SimpleNamespace(judged=lambda _: chi2), fitted=None
-    )
+    stage = SimpleNamespace(judged=lambda _: chi2, quiet=np.array([True, False]))
+    return SimpleNamespace(energy=np.array(energy), stage=stage, fitted=None)
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def explained(monkeypatch):
     monkeypatch.setattr(unexplained, 'levels_of', lambda *_: LEVEL)
     monkeypatch.setattr(unexplained, 'limits_of', lambda *_: LIMIT)
     monkeypatch.setattr(
-        unexplained, 'excess_of', lambda *_, shaken=False: 0.0 if shaken else 200.0
+        unexplained, 'excess_of', lambda *_, shaken=False: SHAKEN if shaken else 200.0
     )
     monkeypatch.setattr(unexplained, 'signature_of', lambda *_: {})
     context = SimpleNamespace(floor=Floor({}))
@@ -43,6 +43,17 @@ def test_what_no_nuisance_had_taken_counts_by_energy(explained):
 def test_what_a_gauges_own_nuisance_had_taken_counts_by_what_that_took(explained):
     # the same is left with and without the effect, but its size was no good gauge's
     assert explained(([1.2, 1.0], 1000.0), ([1.2, 1.0], 400.0)) == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(
+    ('fell', 'rattle', 'counts'), [(600, 1.1, True), (600, 9.0, False), (1200, 9.0, True)]
+)
+def test_what_falls_by_little_beside_open_rattling_is_no_part_of_what_is_open(
+    explained, fell, rattle, counts
+):
+    """It is told by energy alone: none of it here."""
+    told = explained(([1.0, rattle], 2000.0), ([1.0, rattle], 2000.0 - fell))
+    assert told == pytest.approx(fell / (fell + 200.0) if counts else 0.0)
 
 
 def test_an_effect_that_explains_nothing_explains_nothing(explained):

@@ -111,6 +111,20 @@ def test_an_inverted_axis_and_exchanged_links_are_named_and_put_back(sample, mac
 
 
 @pytest.mark.issue(6)
+def test_a_link_whose_bridge_is_plugged_the_wrong_way_is_turned(sample, machine):
+    recording, truth = sample
+    signals = dict(recording.signals)
+    link = signals['link_force/left_b']
+    signals[link.channel] = replace(link, values=-link.values, parts=-link.parts)
+    found = compared(replace(recording, signals=signals), machine)
+    kinds = {(f['kind'], f['channel'], f['repaired']) for f in found['quality']}
+    assert ('axis_inverted', link.channel, True) in kinds
+    assert abs(off_mm(found, truth, machine)) < 15.0
+    assert found['channels'][link.channel]['r_time'] > 0.999
+    assert not [f for f in found['quality'] if f['kind'] == 'channel_swap']
+
+
+@pytest.mark.issue(6)
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_a_sideways_axis_is_turned_by_its_waves(sample, machine, sign):
     # gravity says nothing of y: what it does to a turned sensor has either sign

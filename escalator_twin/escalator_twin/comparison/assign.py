@@ -14,9 +14,11 @@ from escalator_twin.sync.template import Templates
 from escalator_twin.sync.timeline import Timed
 from escalator_twin.sync.travel import BAND_HZ, Travel
 
-# An axis counts as inverted where its squared correlation is at least this, with the wrong sign:
-# gravity alone, seen through the inclines, explains more than nine tenths of a healthy axis.
+# A channel counts as inverted where its squared correlation is at least this, with the wrong sign:
+# gravity alone, seen through the inclines, explains more than nine tenths of a healthy axis, and weight
+# on the inclines as much of a link's force.
 INVERTED_R2 = 0.8
+INVERTIBLE = ('step_acceleration', 'link_force')  # a carriage's waves are alike half a pitch on
 # Two channels count as exchanged where the exchange multiplies the residual variance of both
 # together by less than this: left and right of one link differ by less, two links by more.
 EXCHANGED = 0.05
@@ -33,7 +35,7 @@ def mend_by_model(
     start_m: float,
     machine: Machine,
 ) -> tuple[dict[str, Timed], list[Finding]]:
-    """Turn inverted axes and put exchanged channels back.
+    """Turn inverted axes and links, and put exchanged channels back.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def mend_by_model(
 
     sensors = [s for s in machine.instruments.sensors if s.channel in tracks]
     for sensor in sensors:
-        if sensor.quantity != 'step_acceleration' or sensor.channel not in templates.columns:
+        if sensor.quantity not in INVERTIBLE or sensor.channel not in templates.columns:
             continue
         if agreement(sensor.channel, sensor.channel) < -INVERTED_R2:
             track = mended[sensor.channel]

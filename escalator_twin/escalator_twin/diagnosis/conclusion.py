@@ -8,6 +8,7 @@ from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import Earlier, hold_out
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regroup import UNEVEN
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.spread import with_reach
@@ -55,16 +56,32 @@ def conclude(
     if standing is not None:
         named, after = standing
         count = sum(p >= NAMED for _, p in named)
+        was = belief_in([found.proposal for found in walked.found], held, rest)
         effects = [found.proposal for found, _ in named[:count]]
         rest = look(context, bench.bare(walked.before, effects), after)
         held = hold_out(context, after, effects, seed, bench.begin(walked.before, effects))
-        if is_refused(held):
-            named = [(found, REFUSED * p) for found, p in named]
+        # beside the others more was explained: what is open now speaks against these alone
+        doubt = min(belief_in(effects, held, rest) / was, 1.0)
+        doubt *= REFUSED if is_refused(held) else 1.0
+        named = [(found, doubt * p) for found, p in named]
     rest = left_open(context, walked, named, rest)
     if bench is LINKED and any(p >= NAMED for _, p in named):
         reached = with_reach(context, after, [found for found, _ in named[:count]], jobs)
         named[:count] = [(found, p) for found, (_, p) in zip(reached, named, strict=False)]
     return named, held, rest, after
+
+
+def belief_in(effects: Sequence[Proposal], held: HeldOut | None, rest: Unexplained) -> float:
+    """Return what is left of names' probability beside what stays open with them: the more of it, the less."""
+    if not rest.significant:
+        return 1.0
+    explained = rest.explained
+    of_instruments = not any(of_machine(effect) for effect in effects)
+    if held is not None and held.significant and of_instruments:
+        # an instrument's own nuisance takes its fault at a small price: beside a good instrument's, which is
+        # what is held out without it, the fault explains more
+        explained = max(explained, held.whole_low)
+    return belief_beside(explained)
 
 
 def is_refused(held: HeldOut) -> bool:
@@ -87,15 +104,7 @@ def settle(
     effects = [f.proposal for f in walked.found]
     start = bench.begin(walked.before, effects)
     held = hold_out(context, walked.after, effects, seed, start)
-    factor = 1.0
-    explained = rest.explained
-    if held.significant and not any(of_machine(effect) for effect in effects):
-        # an instrument's own nuisance takes its fault at a small price: beside a good instrument's, which is
-        # what is held out without it, the fault explains more
-        explained = max(explained, held.whole_low)
-    if rest.significant and explained < 1.0:
-        # what stays open speaks against the names, the more of it the more
-        factor *= belief_beside(explained)
+    factor = belief_in(effects, held, rest)
     if is_refused(held):
         factor *= REFUSED
     if held.channels is None:

@@ -77,10 +77,9 @@ def _dead(
 
 
 def _inverted(findings: Sequence[Finding], machine: Machine) -> list[Fault]:
-    return [
-        Fault('axis_inverted', {'axis': machine.instruments.sensor(f.channel).at['axis']}, {})
-        for f in _of(findings, 'axis_inverted')
-    ]
+    """Tell which axes are inverted; of a link that is, the finding tells: it is no cause of the list."""
+    places = [machine.instruments.sensor(f.channel).at for f in _of(findings, 'axis_inverted')]
+    return [Fault('axis_inverted', {'axis': at['axis']}, {}) for at in places if 'axis' in at]
 
 
 def _swapped(findings: Sequence[Finding]) -> list[Fault]:

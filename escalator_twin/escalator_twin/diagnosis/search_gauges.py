@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from escalator_twin.causes.imperfections import creep_shape
+from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.nuisance import creep_of, creep_tol
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import (
@@ -88,17 +89,19 @@ def gains(search: Search) -> Iterator[Proposal]:
     machine, names = search.machine, search.names
     beside = _with_common_scales(search)
     gain_of = _fair_gains(search, beside)
+    (law,) = KNOWN['gauge_gain'].parameters
     part = np.linspace(0.0, 1.0, len(search.model))
     for k, channel in enumerate(search.view.observation.channels):
         sensor = machine.instruments.sensor(channel)
         if f'{channel}/gain' in names:
             score = _gain_score(search, beside, f'{channel}/gain')
             factor = 1.0 + sensor.gain_tol * float(score.size[0])
-            yield Proposal(
-                'gauge_gain', {'link': sensor.name}, {'factor': factor}, gain_of[channel],
-                {'factor': sensor.gain_tol * float(score.sd[0])}, 4, ('factor',),
-                f'{channel}/gain',
-            )  # fmt: skip
+            if law.low <= factor <= law.high:  # what is no gain of a gauge that works is none
+                yield Proposal(
+                    'gauge_gain', {'link': sensor.name}, {'factor': factor}, gain_of[channel],
+                    {'factor': sensor.gain_tol * float(score.sd[0])}, 4, ('factor',),
+                    f'{channel}/gain',
+                )  # fmt: skip
         if sensor.thermal_drift > 0.0:
             columns = np.zeros((*search.model.shape, len(CURVATURES)), np.float32)
             for j, c in enumerate(CURVATURES):
