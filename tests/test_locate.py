@@ -110,6 +110,16 @@ def test_an_inverted_axis_and_exchanged_links_are_named_and_put_back(sample, mac
     assert found['channels']['step/acceleration/x']['r_time'] > 0.999
 
 
+@pytest.mark.issue(3)
+def test_a_recording_that_ran_the_other_way_is_refused(sample, machine):
+    recording, _ = sample
+    told = replace(recording.experiment, direction=-recording.experiment.direction)
+    way = {1: 'up', -1: 'down'}
+    text = f'says {way[told.direction]}, and .* runs {way[-told.direction]}: link_force/'
+    with pytest.raises(SynchronisationError, match=text):
+        compared(replace(recording, experiment=told), machine)
+
+
 @pytest.mark.issue(6)
 def test_a_link_whose_bridge_is_plugged_the_wrong_way_is_turned(sample, machine):
     recording, truth = sample

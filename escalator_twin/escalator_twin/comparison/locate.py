@@ -9,6 +9,7 @@ from escalator_twin.check.clock import ClockComparison
 from escalator_twin.check.quality import quality
 from escalator_twin.comparison.assign import mend_by_model, turn_by_waves
 from escalator_twin.comparison.clocks import logger_clocks
+from escalator_twin.comparison.direction import require_direction, tells_little
 from escalator_twin.comparison.exchanged import exchanged
 from escalator_twin.comparison.mend import mend
 from escalator_twin.comparison.outliers import bridge_left
@@ -112,17 +113,23 @@ def locate(
     RecordingError
         Without experiment settings or samples.
     SynchronisationError
-        Where speed or place cannot be known.
+        Where speed or place cannot be known, or the machine ran the other way.
     """
     begun = _begin(recording, machine)
     recording, findings, origin = begun.recording, begun.findings, begun.origin_ns
     clocks, comparisons, tracks, speed = begun.clocks, begun.comparisons, begun.tracks, begun.speed
     assert recording.experiment is not None
     experiment = replace(recording.experiment, set_speed_m_s=speed.value)
+    is_new = template is None
     if template is None:
         template = (make_loop or simulate_loop)(machine, experiment)
     low = {c: lowpass(t.values, BAND_HZ, t.rate_hz) for c, t in tracks.items()}
     place = _first_place(tracks, low, template, speed, recording.path, machine.chain.pitch_m)
+    if is_new and tells_little(place, machine):
+        back = replace(experiment, direction=-experiment.direction)
+        loop = (make_loop or simulate_loop)(machine, back)
+        way = _first_place(tracks, low, loop, speed, recording.path, machine.chain.pitch_m)
+        require_direction(recording, machine, place, way)
     end = max(float(t.time_s[-1]) for t in tracks.values())
     # a travelling logger whose clock nothing ties may seem to have begun long before the origin
     first_s = min(0.0, *(float(t.time_s[0]) for t in tracks.values()))
