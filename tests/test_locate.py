@@ -110,7 +110,41 @@ def test_an_inverted_axis_and_exchanged_links_are_named_and_put_back(sample, mac
     assert found['channels']['step/acceleration/x']['r_time'] > 0.999
 
 
-@pytest.mark.issue(3)
+@pytest.mark.issue(6)
+def test_a_tensioners_sensor_that_is_mounted_the_wrong_way_is_turned_where_clocks_are_tied(
+    sample, machine
+):
+    recording, _ = sample
+    signals = dict(recording.signals)
+    way = signals['tensioner/displacement']
+    signals[way.channel] = replace(way, values=-way.values, parts=-way.parts)
+    found = compared(replace(recording, signals=signals), machine)
+    kinds = {(f['kind'], f['channel'], f['repaired']) for f in found['quality']}
+    assert ('axis_inverted', way.channel, True) in kinds
+    assert found['channels'][way.channel]['r_time'] > 0.999
+    # by its waves alone a tensioner may as well be half a pitch away
+    untied = {c: replace(s, bag_ns=s.stamp_ns) for c, s in signals.items()}
+    found = compared(replace(recording, signals=untied), machine)
+    assert not [f for f in found['quality'] if f['kind'] == 'axis_inverted']
+
+
+@pytest.mark.parametrize(
+    ('channel', 'factor', 'unit'),
+    [
+        ('step/acceleration/x', 1.0 / 9.80665, 'as in g'),
+        ('link_force/right_a', 1e6, 'as in 1e-6'),
+        ('tensioner/displacement', 1e3, 'as in mm'),
+    ],
+)
+def test_a_channel_in_another_unit_is_refused(sample, machine, channel, factor, unit):
+    recording, _ = sample
+    signals = dict(recording.signals)
+    old = signals[channel]
+    signals[channel] = replace(old, values=factor * old.values, parts=factor * old.parts)
+    with pytest.raises(RecordingError, match=f'{channel}: reads .* {unit}'):
+        compared(replace(recording, signals=signals), machine)
+
+
 def test_a_recording_that_ran_the_other_way_is_refused(sample, machine):
     recording, _ = sample
     told = replace(recording.experiment, direction=-recording.experiment.direction)

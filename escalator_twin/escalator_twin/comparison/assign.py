@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from escalator_twin.comparison.units import require_unit
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.metrics.filters import lowpass
 from escalator_twin.signals import Finding, Floats
@@ -18,7 +19,9 @@ from escalator_twin.sync.travel import BAND_HZ, Travel
 # gravity alone, seen through the inclines, explains more than nine tenths of a healthy axis, and weight
 # on the inclines as much of a link's force.
 INVERTED_R2 = 0.8
-INVERTIBLE = ('step_acceleration', 'link_force')  # a carriage's waves are alike half a pitch on
+INVERTIBLE = ('step_acceleration', 'link_force')
+# ... and where bag time ties the clocks: a carriage's waves are their negative half a pitch on.
+WAVES = ('carriage_displacement',)
 # Two channels count as exchanged where the exchange multiplies the residual variance of both
 # together by less than this: left and right of one link differ by less, two links by more.
 EXCHANGED = 0.05
@@ -34,8 +37,9 @@ def mend_by_model(
     speed_m_s: float,
     start_m: float,
     machine: Machine,
+    is_tied: bool = False,
 ) -> tuple[dict[str, Timed], list[Finding]]:
-    """Turn inverted axes and links, and put exchanged channels back.
+    """Turn inverted channels, and put exchanged ones back.
 
     Parameters
     ----------
@@ -46,6 +50,8 @@ def mend_by_model(
     speed_m_s, start_m : float
         Mean speed, and travel of the template at reference time 0.
     machine : Machine
+    is_tied : bool
+        Whether bag time ties the loggers' clocks.
 
     Returns
     -------
@@ -53,25 +59,37 @@ def mend_by_model(
         With the channels mended.
     findings : list of Finding
         ``axis_inverted`` and ``channel_swap``, repaired.
+
+    Raises
+    ------
+    RecordingError
+        Where a channel's unit is another one, see `require_unit`.
     """
     mended, findings = dict(tracks), []
     edge = {c: round(t.rate_hz) for c, t in tracks.items()}
 
-    def agreement(measured: str, simulated: str) -> float:
-        """Return the signed squared correlation of one channel with another's template."""
+    def seen(measured: str, simulated: str) -> tuple[float, float]:
+        """Return the signed squared correlation of one channel with another's template, and its slope over it."""
         keep = slice(edge[measured], -edge[measured], 10)
         good = tracks[measured].valid[keep]
         travel = start_m + speed_m_s * tracks[measured].time_s[keep][good]
         model = CubicSpline(templates.travel_m, templates.columns[simulated])(travel)
         values = low[measured][keep][good]
         if len(values) < 3 or np.std(values) == 0.0 or np.std(model) == 0.0:
-            return 0.0
+            return 0.0, 1.0
         r = float(np.corrcoef(values, model)[0, 1])
-        return r * abs(r)
+        return r * abs(r), r * float(np.std(values) / np.std(model))
+
+    def agreement(measured: str, simulated: str) -> float:
+        return seen(measured, simulated)[0]
 
     sensors = [s for s in machine.instruments.sensors if s.channel in tracks]
     for sensor in sensors:
-        if sensor.quantity not in INVERTIBLE or sensor.channel not in templates.columns:
+        if sensor.channel in templates.columns:
+            require_unit(sensor, *seen(sensor.channel, sensor.channel))
+    for sensor in sensors:
+        may_be = sensor.quantity in INVERTIBLE or (is_tied and sensor.quantity in WAVES)
+        if not may_be or sensor.channel not in templates.columns:
             continue
         if agreement(sensor.channel, sensor.channel) < -INVERTED_R2:
             track = mended[sensor.channel]

@@ -13,6 +13,7 @@ from escalator_twin.comparison.direction import require_direction, tells_little
 from escalator_twin.comparison.exchanged import exchanged
 from escalator_twin.comparison.mend import mend
 from escalator_twin.comparison.outliers import bridge_left
+from escalator_twin.comparison.standstill import without_standstill
 from escalator_twin.errors import RecordingError, SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.metrics.filters import lowpass
@@ -139,7 +140,10 @@ def locate(
         place.start_m + 1.02 * speed.high * end + margin,
         speed.value,
     )
-    tracks, wrong = mend_by_model(tracks, low, templates, speed.value, place.start_m, machine)
+    is_tied = all(c.is_known for c in comparisons.values())
+    tracks, wrong = mend_by_model(
+        tracks, low, templates, speed.value, place.start_m, machine, is_tied
+    )
     guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
     fit = fit_all(tracks, templates, guess, machine, comparisons)
     tracks, turned = turn_by_waves(tracks, templates, fit.travel, machine)
@@ -196,6 +200,8 @@ def _begin(recording: Recording, machine: Machine) -> _Begun:
     """Find clocks and speed."""
     findings = quality(recording, machine)
     recording, findings = mend(recording, machine, findings)
+    recording, left_out = without_standstill(recording, machine)
+    findings = [*findings, *left_out]
     if recording.experiment is None:
         raise RecordingError(
             f'{recording.path}: no message on the experiment topic: direction, set speed, load '
