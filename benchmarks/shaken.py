@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from escalator_twin import bagfile
 from escalator_twin.comparison.locate import locate
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.observation import observe
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.stage import Stage

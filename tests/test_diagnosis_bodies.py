@@ -23,7 +23,8 @@ from escalator_twin.diagnosis.bodies.gears import MARGIN_M, on_gear
 from escalator_twin.diagnosis.bodies.search import beside_error, bounded_chi2, LEAN_LAW
 from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.diagnose import diagnose_recording
-from escalator_twin.diagnosis.floor import Floor, Level, read_floor, write_floor
+from escalator_twin.diagnosis.floor import Floor, Level
+from escalator_twin.diagnosis.floor_file import read_floor, write_floor
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.observation import Observation

@@ -4,12 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.telling import would_change
 from escalator_twin.diagnosis.verdict import Weighed
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
+
+
+OWN = SimpleNamespace(floor=Floor({}))
 
 
 def a_step(side: str, s_m: float = 2.8794) -> Proposal:
@@ -45,7 +49,15 @@ def test_an_experiment_is_sought_that_tells_the_likeliest_apart(
         asked.append(other and other.location['side'])
         return SimpleNamespace(text='0.25 m/s up, empty, preload 3000 N', nats=17.2)
 
-    lines = would_change(None, SimpleNamespace(weighed=()), [(found, probability)], None, decide)
+    lines = would_change(OWN, SimpleNamespace(weighed=()), [(found, probability)], None, decide)
     assert asked == ([sought] if said else [])
     assert [line[: len(said or '')] for line in lines] == ([said] if said else [])
     assert all(line.endswith('would tell them apart by 17 nats at most') for line in lines)
+
+
+def test_a_floor_of_another_machine_is_told():
+    borrowed = SimpleNamespace(floor=Floor({}, borrowed='prototype'))
+    (line,) = would_change(borrowed, SimpleNamespace(weighed=()), [], None)
+    assert 'calibrate' in line
+    assert line.endswith('that of prototype stands for it')
+    assert would_change(OWN, SimpleNamespace(weighed=()), [], None) == []

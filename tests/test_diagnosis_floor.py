@@ -18,13 +18,18 @@ from escalator_twin.diagnosis.floor import (
     is_shaken,
     kind_of,
     Level,
-    load_floor,
     ORDERS,
-    read_floor,
     TEMPERATURE,
+)
+from escalator_twin.diagnosis.floor_file import (
+    borrowed_by,
+    load_floor,
+    own_floor,
+    read_floor,
     write_floor,
 )
 from escalator_twin.errors import MachineError
+from escalator_twin.machine import load_machine
 
 pytestmark = pytest.mark.issue(6)
 
@@ -119,8 +124,55 @@ def test_the_prototype_has_a_floor_for_all_its_channels():
     assert {kind_of(s) for s in machine.instruments.sensors} <= set(levels)
 
 
-def test_a_machine_without_a_file_has_none():
-    assert load_floor(trials.toy()).levels == {}
+def test_a_machine_without_a_file_has_none_and_borrows_the_prototypes():
+    machine = trials.toy()
+    assert own_floor(machine).levels == {}
+    found = load_floor(machine)
+    assert found.borrowed == 'prototype'
+    assert {kind_of(s) for s in machine.instruments.sensors} >= set(found.levels) != set()
+    assert not load_floor(trials.prototype()).borrowed
+
+
+def test_what_an_extended_machine_has_is_its_bases(root, tmp_path):
+    """What `diagnose` writes is diagnosed with the floor of the machine that it extends, whatever its name."""
+    base = root / 'config' / 'machines' / 'prototype.yaml'
+    once, twice = tmp_path / 'once.yaml', tmp_path / 'deeper' / 'twice.yaml'
+    twice.parent.mkdir()
+    once.write_text(f'extends: {base}\ndeviations: []\n')
+    twice.write_text('extends: ../once.yaml\nname: another\n')
+    expected = own_floor(trials.prototype()).levels['link_force'][0.5]
+    for path in (once, twice):
+        machine = load_machine(path)
+        assert machine.bases[-1].resolve() == base.resolve()
+        found = load_floor(machine)
+        assert not found.borrowed
+        np.testing.assert_array_equal(found.levels['link_force'][0.5].smooth, expected.smooth)
+    own = twice.with_name('another_floor.yaml')
+    write_floor(own, Floor({'link_force': {0.5: level(9)}}), 'its own')
+    np.testing.assert_allclose(
+        load_floor(load_machine(twice)).levels['link_force'][0.5].smooth,
+        level(9).smooth,
+        rtol=0.01,
+    )
+
+
+@pytest.mark.parametrize('noisier', [1.0, 0.5, 3.0])
+def test_a_borrowed_floor_is_the_lenders_error_in_si(floor, noisier):
+    """Beside a noise of another size: the variance of noise and error is the lender's error and the own noise."""
+    lender = trials.prototype()
+    instruments = lender.instruments
+    sensors = tuple(
+        replace(s, noise=noisier * s.noise, resolution=noisier * s.resolution)
+        for s in instruments.sensors
+    )
+    machine = replace(lender, instruments=replace(instruments, sensors=sensors))
+    found = borrowed_by(machine, lender, floor)
+    orders = np.array([0.3, 1.5, 2.2, 5.3])
+    own = noisier**2 * OWN
+    error = floor.variance(sensor(), OWN, orders, 0.5, 4000) - OWN
+    told = found.variance(sensor(), own, orders, 0.5, 4000) - own
+    np.testing.assert_allclose(told, error, rtol=1e-9)
+    assert set(found.levels) == {'link_force'}  # the machine has no other kind of channel
 
 
 def test_a_file_tells_its_temperature(floor, tmp_path):

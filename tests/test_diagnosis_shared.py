@@ -15,7 +15,7 @@ from escalator_twin import bagfile
 from escalator_twin.diagnosis import points, shared, together
 from escalator_twin.diagnosis.campaign import decide, union_of
 from escalator_twin.diagnosis.confirm import confirm_recording
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.points import Part, Point
 from escalator_twin.diagnosis.preparation import prepare_tolerances

@@ -14,7 +14,7 @@ from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis import afar as afar_module
 from escalator_twin.diagnosis.afar import at_the_edge, look_afar, may_hide
 from escalator_twin.diagnosis.context import beside, Nominal
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
 from escalator_twin.diagnosis.polish import is_far, polish, taken_over
 from escalator_twin.diagnosis.preparation import prepare_tolerances

@@ -11,7 +11,7 @@ import trials
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis import search_rails
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.search import Search, WORTH

@@ -10,7 +10,7 @@ import trials
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.context import beside, quiet_chi2
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.tuning import _doubted, KEPT_OFF, tuned
 from escalator_twin.diagnosis.whitening import Whitener

@@ -22,7 +22,7 @@ from escalator_twin.diagnosis.campaign import (
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.free import any_local, of_machine
 from escalator_twin.diagnosis.leftovers import names_all, perhaps_of, repeated_by
 from escalator_twin.diagnosis.preparation import prepare_tolerances

@@ -29,11 +29,10 @@ from escalator_twin.diagnosis.floor import (
     is_shaken,
     kind_of,
     Level,
-    load_floor,
     mean_level,
     measure_level,
-    write_floor,
 )
+from escalator_twin.diagnosis.floor_file import own_floor, write_floor
 from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.preparation import prepare, prepare_tolerances
 from escalator_twin.diagnosis.proposals import false_fall
@@ -120,7 +119,7 @@ def level_of(rows: Sequence[tuple[Remainder, int]], sensor: Sensor) -> Level:
 def remainder_of(path: str, machine: Machine) -> Remainder:
     """Return what is left of a recording, fitted beside the floor as it is."""
     recording = bagfile.read(path, machine)
-    return measure(prepare_tolerances(recording, machine, load_floor(machine)))
+    return measure(prepare_tolerances(recording, machine, own_floor(machine)))
 
 
 @dataclass(frozen=True)
@@ -253,7 +252,7 @@ def main() -> None:
     if given.bags:
         floor = calibrate(given.bags, machine, given.jobs)
     else:
-        floor = load_floor(machine)
+        floor = own_floor(machine)
         if not floor.groups:
             parser.error(f'{machine.source}: its floor tells of no good machines: give recordings')
         floor = replace(floor, groups=floor.groups[:1])

@@ -21,7 +21,7 @@ from escalator_twin.diagnosis.context import (
 from escalator_twin.diagnosis.drive import refine_wave
 from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.fitting import MOVES_RESONANCE
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.free import any_local, freed, of_machine
 from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.joint import Free

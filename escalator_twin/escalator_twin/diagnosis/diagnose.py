@@ -13,7 +13,7 @@ from escalator_twin.diagnosis.bodies.search import FREE_BODIES
 from escalator_twin.diagnosis.conclusion import conclude, NAMED
 from escalator_twin.diagnosis.context import Context, quiet_chi2
 from escalator_twin.diagnosis.faults import Fault, faults_of
-from escalator_twin.diagnosis.floor import load_floor
+from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.preparation import prepare

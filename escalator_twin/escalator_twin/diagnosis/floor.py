@@ -9,15 +9,11 @@ of the pitch, where waves of the rail that the survey does not show move all rol
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import stats
-import yaml
 
-from escalator_twin.errors import MachineError
-from escalator_twin.machine import Machine, Sensor
+from escalator_twin.machine import Sensor
 from escalator_twin.signals import Floats
 
 SCHEMA = 'escalator_twin/floor/1'
@@ -123,6 +119,8 @@ class Floor:
     groups : tuple of Clean
         The same by kind of channel, for each maker whose good recordings were seen; the first is the one
         that the floor itself was measured on.
+    borrowed : str
+        The machine that it was measured on, where that is another one.
     """
 
     levels: Mapping[str, Mapping[float, Level]]
@@ -130,6 +128,7 @@ class Floor:
     temperature: float = TEMPERATURE
     leans: Mapping[str, float] = field(default_factory=dict)
     groups: tuple[Clean, ...] = ()
+    borrowed: str = ''
 
     def limit(self, kind: str, sigmas: float) -> float:
         """Return the logarithm of chi squared that a good machine of any known maker seldom passes.
@@ -260,93 +259,3 @@ def mean_level(levels: Sequence[Level]) -> Level:
         np.mean([level.smooth for level in levels], axis=0),
         np.mean([level.lines for level in levels], axis=0),
     )
-
-
-def load_floor(machine: Machine) -> Floor:
-    """Read the floor beside a machine description; sensors' noise alone where there is none."""
-    if machine.source is None:
-        return Floor({})
-    path = machine.source.with_name(f'{machine.name}_floor.yaml')
-    return read_floor(path) if path.exists() else Floor({})
-
-
-def read_floor(path: Path) -> Floor:
-    """Read a floor's file.
-
-    Raises
-    ------
-    MachineError
-        Where it is not what it should be.
-    """
-    data: Any = yaml.safe_load(path.read_text(encoding='utf-8'))
-    if not isinstance(data, dict) or data.get('schema') != SCHEMA:
-        raise MachineError(f'{path}: schema: expected {SCHEMA!r}')
-    levels: dict[str, dict[float, Level]] = {}
-    for row in data['levels']:
-        level = Level(
-            np.array(row['smooth'], float),
-            np.array(row['lines'], float),
-            _pair(row.get('mean')),
-            np.array(row['spread'], float) if 'spread' in row else None,
-        )
-        if len(level.smooth) != len(ORDERS) - 1:
-            raise MachineError(f'{path}: smooth: expected {len(ORDERS) - 1} numbers')
-        levels.setdefault(row['kind'], {})[float(row['speed_m_s'])] = level
-    leans = {cause: float(size) for cause, size in data.get('leans', {}).items()}
-    heat = float(data.get('temperature', TEMPERATURE))
-    groups = tuple(_clean(path, row) for row in data.get('clean_groups', []))
-    return Floor(levels, _pair(data.get('clean')), heat, leans, groups)
-
-
-def _clean(path: Path, row: Mapping[str, Any]) -> Clean:
-    """Read what one maker's good recordings look like."""
-    count = row.get('recordings')
-    if not isinstance(count, int) or count < 2:
-        raise MachineError(
-            f'{path}: clean_groups: recordings: expected a number above 1, found {count!r}'
-        )
-    kinds = {kind: (float(a), float(b)) for kind, (a, b) in row['kinds'].items()}
-    return Clean(str(row.get('source', '')), count, kinds)
-
-
-def _pair(found: list[float] | None) -> tuple[float, float] | None:
-    """Return a mean and a standard deviation, where a file gives them."""
-    return None if found is None else (float(found[0]), float(found[1]))
-
-
-def write_floor(path: Path, floor: Floor, source: str) -> None:
-    """Write a floor's file; ``source`` says what it was measured on."""
-    rows = [
-        {
-            'kind': kind,
-            'speed_m_s': speed,
-            'smooth': [float(f'{v:.3g}') for v in level.smooth],
-            'lines': [float(f'{v:.3g}') for v in level.lines],
-            **(
-                {'spread': [float(f'{v:.3g}') for v in level.spread]}
-                if level.spread is not None
-                else {}
-            ),
-            **({'mean': [float(f'{v:.3g}') for v in level.mean]} if level.mean else {}),
-        }
-        for kind, levels in floor.levels.items()
-        for speed, level in levels.items()
-    ]
-    clean = {'clean': [float(f'{v:.3g}') for v in floor.clean]} if floor.clean else {}
-    heat = {'temperature': float(f'{floor.temperature:.3g}')}
-    leans = {cause: float(f'{size:.3g}') for cause, size in floor.leans.items()}
-    told: dict[str, Any] = {'leans': leans} if leans else {}
-    if floor.groups:
-        told['clean_groups'] = [
-            {
-                'source': group.source,
-                'recordings': group.recordings,
-                'kinds': {
-                    kind: [float(f'{v:.3g}') for v in pair] for kind, pair in group.kinds.items()
-                },
-            }
-            for group in floor.groups
-        ]
-    whole = {'schema': SCHEMA, **heat, **clean, **told, 'levels': rows}
-    text = yaml.safe_dump(whole, sort_keys=False, width=100)
-    path.write_text(f'# {source}\n{text}', encoding='utf-8')

@@ -62,6 +62,11 @@ def would_change(
 ) -> list[str]:
     """Return what would change the verdict: further data, as far as something stays open."""
     lines = []
+    if context.floor.borrowed:
+        lines.append(
+            f"the twin's own error beside good machines of this kind (`python -m escalator_twin.diagnosis.calibrate`): "
+            f'that of {context.floor.borrowed} stands for it'
+        )
     if held is not None and held.channels is None:
         lines.append(f'a longer recording: {held.split}')
     for found, probability in named:

@@ -18,7 +18,7 @@ from escalator_twin.machine.linked import (
     Sensor,
     Tensioner,
 )
-from escalator_twin.machine.loading import load_machine, PHYSICS, SAFE, SCHEMA
+from escalator_twin.machine.loading import load_machine, machines_folder, PHYSICS, SAFE, SCHEMA
 from escalator_twin.machine.multibody import MultibodyMachine
 
 __all__ = [
@@ -43,4 +43,5 @@ __all__ = [
     'Sensor',
     'Tensioner',
     'load_machine',
+    'machines_folder',
 ]

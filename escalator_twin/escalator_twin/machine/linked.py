@@ -229,8 +229,8 @@ class Deviation:
 class Machine:
     """One machine: mechanics, instruments and known deviations.
 
-    ``source`` is the file, ``tolerances`` maps the key path of every ``{value, tol}`` to its
-    relative standard deviation; neither is a key of the file.
+    ``source`` is the file, ``bases`` are those that it extends, nearest first, and ``tolerances`` maps the
+    key path of every ``{value, tol}`` to its relative standard deviation; none is a key of the file.
     """
 
     schema: str
@@ -249,6 +249,7 @@ class Machine:
     deviations: tuple[Deviation, ...] = ()
     provenance: dict[str, object] = field(default_factory=dict)  # of an extended machine
     source: Path | None = None
+    bases: tuple[Path, ...] = ()
     tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def default_experiment(self) -> Experiment:

@@ -34,7 +34,8 @@ def load_machine(path: str | Path) -> Machine:
         Where the file cannot be read or a key is unknown, missing or of the wrong type.
     """
     path = Path(path)
-    data = _read(path, ())
+    bases: list[Path] = []
+    data = _read(path, bases)
     found = data.get('schema')
     if found != SCHEMA:
         raise MachineError(f'{path}: schema: expected {SCHEMA!r}, found {found!r}')
@@ -48,14 +49,25 @@ def load_machine(path: str | Path) -> Machine:
     machine = build(kind, data, str(path), tolerances)
     prefix = len(str(path)) + 1
     machine = replace(
-        machine, source=path, tolerances={key[prefix:]: s for key, s in tolerances.items()}
+        machine,
+        source=path,
+        bases=tuple(bases),
+        tolerances={key[prefix:]: s for key, s in tolerances.items()},
     )
     check(machine)
     return machine
 
 
-def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, object]:
-    """Read one YAML file and what it extends, the nearer file winning."""
+def machines_folder() -> Path:
+    """Return the folder of the machine descriptions that come with the package."""
+    for folder in Path(__file__).resolve().parents:
+        if (folder / 'config' / 'machines').is_dir():
+            return folder / 'config' / 'machines'
+    raise FileNotFoundError('config/machines is neither beside nor above the package')
+
+
+def _read(path: Path, bases: list[Path]) -> dict[str, object]:
+    """Read one YAML file and what it extends, the nearer file winning; add what it extends to ``bases``."""
     try:
         data = yaml.load(path.read_text(encoding='utf-8'), Loader=SAFE)
     except (OSError, UnicodeDecodeError) as error:
@@ -64,14 +76,15 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, object]:
         raise MachineError(f'{path}: not YAML: {" ".join(str(error).split())}') from error
     if not isinstance(data, dict):
         raise MachineError(f'{path}: expected a mapping, found {type(data).__name__}')
-    for key in sorted({'source', 'tolerances'} & set(data)):
+    for key in sorted({'bases', 'source', 'tolerances'} & set(data)):
         raise MachineError(f'{path}.{key}: unknown key')
     if 'extends' not in data:
         return data
     base = path.parent / str(data.pop('extends'))
-    if base in seen:
+    if base in bases:
         raise MachineError(f'{path}: extends: circle through {base}')
-    merged = _read(base, (*seen, base))
+    bases.append(base)
+    merged = _read(base, bases)
     # a survey named by the base lies beside the base
     guide = merged.get('guide')
     if isinstance(guide, dict) and guide.get('survey_file'):

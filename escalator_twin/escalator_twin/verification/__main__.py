@@ -11,9 +11,8 @@ from importlib import import_module
 from pathlib import Path
 import sys
 
-from escalator_twin.machine import load_machine
+from escalator_twin.machine import load_machine, machines_folder
 from escalator_twin.verification.figure import Figure
-from escalator_twin.verification.trial import machines_folder
 
 PARTS = (
     'polygon_limit',

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from escalator_twin.machine import load_machine, Machine, MultibodyMachine
+from escalator_twin.machine import load_machine, Machine, machines_folder, MultibodyMachine
 from escalator_twin.physics.multibody import loop
 from escalator_twin.physics.multibody import segments as seg
 from escalator_twin.physics.multibody.layout import lay_out, PARTS
@@ -21,7 +21,6 @@ from escalator_twin.signals import Floats
 from escalator_twin.verification.figure import Figure
 from escalator_twin.verification.plot import Line, svg
 from escalator_twin.verification.rope import handrail_rope, step_rope, straight_places
-from escalator_twin.verification.trial import machines_folder
 
 RATE_HZ = 200.0
 PITCHES = 62  # of a steady record: a little more than one loop

@@ -1,7 +1,6 @@
 """Machines and runs for the verification: ideal guides, stiff limits, bare records."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,11 +89,3 @@ def start(
     simulation = Simulation(machine, p, build_path(machine.guide), step_s)
     simulation.start(start_s_m)
     return Trial(simulation)
-
-
-def machines_folder() -> Path:
-    """Return the folder of the machine descriptions that come with the package."""
-    for folder in Path(__file__).resolve().parents:
-        if (folder / 'config' / 'machines').is_dir():
-            return folder / 'config' / 'machines'
-    raise FileNotFoundError('config/machines is neither beside nor above the package')

@@ -24,14 +24,8 @@ from escalator_twin.diagnosis.bodies.context import (
 )
 from escalator_twin.diagnosis.bodies.search import propose
 from escalator_twin.diagnosis.context import Beside
-from escalator_twin.diagnosis.floor import (
-    Floor,
-    kind_of,
-    Level,
-    mean_level,
-    measure_level,
-    write_floor,
-)
+from escalator_twin.diagnosis.floor import Floor, kind_of, Level, mean_level, measure_level
+from escalator_twin.diagnosis.floor_file import write_floor
 from escalator_twin.diagnosis.proposals import false_fall
 from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
 from escalator_twin.diagnosis.unexplained import by_channel
