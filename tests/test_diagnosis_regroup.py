@@ -94,6 +94,14 @@ def test_loads_that_are_uneven_everywhere_are_told_from_one_load_on_some_steps(m
     assert (unevenness(context, place, few)[1] > UNEVEN) is (sd > 0.1)
 
 
+@pytest.mark.parametrize('shares', [{0: 0.2, 1: 0.0}, {0: 0.0, 1: 0.2}])
+def test_only_a_load_on_many_steps_is_scattered(monkeypatch, shares):
+    monkeypatch.setattr(regroup, 'unevenness', lambda *_: shares)
+    few, many = load([1, 4, 9]), load(list(range(3, 40, 2)))
+    assert is_scattered(None, None, [few, many]) is (shares[1] > 0.1)
+    assert not is_scattered(None, None, [few])
+
+
 @pytest.mark.parametrize(
     ('is_open', 'closed', 'is_uneven'),
     [(True, 0.9, True), (True, 0.3, False), (False, 0.9, False)],
