@@ -3,7 +3,7 @@
 import pytest
 from shells import bag_in, GIVEN, MACHINE, run
 
-from escalator_twin.cli.case import parse_case
+from escalator_twin.case import parse_case
 from escalator_twin.errors import ExperimentError
 
 pytestmark = pytest.mark.issue(2)

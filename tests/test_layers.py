@@ -16,7 +16,7 @@ LAYERS = (
     ('signals',),
     ('schema',),
     ('machine',),
-    ('conversions',),
+    ('case', 'conversions'),
     ('bagfile', 'physics', 'metrics'),
     ('sync',),
     ('causes',),
@@ -29,7 +29,7 @@ LAYERS = (
     ('campaign',),
     ('pipeline',),
     ('cli',),
-    ('ros',),  # takes the case and the machine's place from the command line
+    ('ros',),  # writes and shows as the command line does
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 ROS = {'rclpy', 'ament_index_python', 'launch', 'launch_ros'}

@@ -10,6 +10,7 @@ from escalator_twin.bagfile.container import MAX_TIME, Span
 from escalator_twin.bagfile.gathering import collect, read_experiment, select, Topic
 from escalator_twin.bagfile.source import Bag, TopicInfo, topics_of
 from escalator_twin.bagfile.tidy import Tidy, tidy
+from escalator_twin.case import case_beside
 from escalator_twin.conversions import parse_path
 from escalator_twin.errors import RecordingError
 from escalator_twin.machine import Machine, Sensor
@@ -57,6 +58,8 @@ def read(
     ------
     BagError
         Where the container cannot be read.
+    ExperimentError
+        Where a file beside it, which tells what was set, cannot be used; see `case_beside`.
     """
     span = Span(from_ns or 0, MAX_TIME + 1 if to_ns is None else to_ns)
     with Bag(path) as bag:
@@ -77,6 +80,7 @@ def read(
             signals |= {signal.channel: signal for signal in made}
             findings += remarks
         findings += _losses(bag, signals, start_ns)
+    experiment = case_beside(path, machine, experiment)
     order = [s.channel for s in _sensors(machine, chosen) if s.channel in signals]
     return Recording(
         str(path), {name: signals[name] for name in order}, experiment, tuple(findings)

@@ -3,7 +3,7 @@
 import argparse
 
 from escalator_twin import bagfile
-from escalator_twin.cli.case import parse_case
+from escalator_twin.case import parse_case
 from escalator_twin.cli.options import add_machine, machine_path, positive
 from escalator_twin.cli.output import Document
 from escalator_twin.cli.progress import ProgressLine

@@ -1,5 +1,6 @@
 """Whether a recording ran the way that its experiment topic says."""
 
+from escalator_twin.case import BESIDE
 from escalator_twin.errors import SynchronisationError
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Recording
@@ -48,5 +49,5 @@ def require_direction(recording: Recording, machine: Machine, place: Place, turn
     raise SynchronisationError(
         f'{recording.path}: the experiment topic says {said}, and the channels that the machine runs {runs}: '
         f'{worst} agrees with the twin by {as_said[worst]:.2f} (squared correlation), with one that runs '
-        f'{runs} by {as_turned[worst]:.2f}'
+        f'{runs} by {as_turned[worst]:.2f}; `direction` in a file {BESIDE} in its directory puts it right'
     )

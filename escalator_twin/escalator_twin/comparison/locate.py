@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from escalator_twin.case import BESIDE
 from escalator_twin.check.clock import ClockComparison
 from escalator_twin.check.quality import quality
 from escalator_twin.comparison.assign import mend_by_model, turn_by_waves
@@ -205,7 +206,7 @@ def _begin(recording: Recording, machine: Machine) -> _Begun:
     if recording.experiment is None:
         raise RecordingError(
             f'{recording.path}: no message on the experiment topic: direction, set speed, load '
-            f'and preload are not known'
+            f'and preload are not known; {BESIDE} in its directory may tell them'
         )
     origin = origin_ns(recording, machine)
     clocks, comparisons = logger_clocks(recording, machine)

@@ -1,8 +1,9 @@
-"""The ``--case`` of `simulate`: keys in a row, or a YAML file with them."""
+"""What an operator set, told in keys: the ``--case`` of `simulate`, or a YAML file beside a recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import yaml
 from escalator_twin.errors import ExperimentError
 from escalator_twin.machine import DIRECTIONS, Machine
 from escalator_twin.signals import Experiment
+
+BESIDE = 'experiment.yaml'
 
 
 def parse_case(text: str | None, machine: Machine) -> Experiment:
@@ -33,6 +36,46 @@ def parse_case(text: str | None, machine: Machine) -> Experiment:
     if not text:
         return default
     data, where = (_inline(text), '--case') if '=' in text else (_file(text), text)
+    return _changed(default, data, where, machine)
+
+
+def case_beside(
+    path: str | os.PathLike[str], machine: Machine, said: Experiment | None
+) -> Experiment | None:
+    """Return what a file beside a recording says was set; what the recording itself says where there is none.
+
+    Parameters
+    ----------
+    path : path
+        A rosbag2 directory: ``experiment.yaml`` in it; or one file: ``<its name>.experiment.yaml``.
+    machine : Machine
+        Gives the number of steps.
+    said : Experiment or None
+        By the recording. The file's keys win; without it they all have to be there.
+
+    Raises
+    ------
+    ExperimentError
+        Naming the file and key, what is expected and what was found.
+    """
+    bag = Path(path)
+    file = bag / BESIDE if bag.is_dir() else bag.with_name(f'{bag.stem}.{BESIDE}')
+    if not file.is_file():
+        return said
+    data = _file(str(file))
+    missing = [key for key in KEYS if key not in data]
+    if said is None and missing:
+        raise ExperimentError(
+            f'{file}: expected {", ".join(KEYS)}, as the recording has no experiment topic; '
+            f'missing: {", ".join(missing)}'
+        )
+    return _changed(said or machine.default_experiment(), data, str(file), machine)
+
+
+def _changed(
+    experiment: Experiment, data: Mapping[str, Any], where: str, machine: Machine
+) -> Experiment:
+    """Return an experiment with some keys of a case laid over it."""
     changes: dict[str, Any] = {}
     for key, value in data.items():
         if key not in KEYS:
@@ -49,7 +92,7 @@ def parse_case(text: str | None, machine: Machine) -> Experiment:
             f'found {len(loads)}'
         )
     try:
-        return replace(default, **changes)
+        return replace(experiment, **changes)
     except ExperimentError as error:
         raise ExperimentError(f'{where}: {error}') from error
 
