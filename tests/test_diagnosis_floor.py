@@ -134,26 +134,35 @@ def test_a_machine_without_a_file_has_none_and_borrows_the_prototypes():
 
 
 def test_what_an_extended_machine_has_is_its_bases(root, tmp_path):
-    """What `diagnose` writes is diagnosed with the floor of the machine that it extends, whatever its name."""
+    """What `diagnose` writes is diagnosed with the floor of the machine that it extends; under another name it is lent."""
     base = root / 'config' / 'machines' / 'prototype.yaml'
     once, twice = tmp_path / 'once.yaml', tmp_path / 'deeper' / 'twice.yaml'
     twice.parent.mkdir()
     once.write_text(f'extends: {base}\ndeviations: []\n')
     twice.write_text('extends: ../once.yaml\nname: another\n')
     expected = own_floor(trials.prototype()).levels['link_force'][0.5]
-    for path in (once, twice):
+    for path, lender in ((once, ''), (twice, 'prototype')):
         machine = load_machine(path)
         assert machine.bases[-1].resolve() == base.resolve()
         found = load_floor(machine)
-        assert not found.borrowed
+        assert found.borrowed == lender
         np.testing.assert_array_equal(found.levels['link_force'][0.5].smooth, expected.smooth)
     own = twice.with_name('another_floor.yaml')
     write_floor(own, Floor({'link_force': {0.5: level(9)}}), 'its own')
-    np.testing.assert_allclose(
-        load_floor(load_machine(twice)).levels['link_force'][0.5].smooth,
-        level(9).smooth,
-        rtol=0.01,
-    )
+    found = load_floor(load_machine(twice))
+    assert not found.borrowed
+    np.testing.assert_allclose(found.levels['link_force'][0.5].smooth, level(9).smooth, rtol=0.01)
+
+
+def test_a_machine_borrows_from_what_it_extends_before_the_prototype(root, tmp_path):
+    lender, borrower = tmp_path / 'lender.yaml', tmp_path / 'borrower.yaml'
+    base = root / 'config' / 'machines' / 'prototype.yaml'
+    lender.write_text(f'extends: {base}\nname: lender\n')
+    borrower.write_text('extends: lender.yaml\nname: borrower\n')
+    write_floor(tmp_path / 'lender_floor.yaml', Floor({'link_force': {0.5: level(9)}}), 'lent')
+    found = load_floor(load_machine(borrower))
+    assert found.borrowed == 'lender'
+    np.testing.assert_allclose(found.levels['link_force'][0.5].smooth, level(9).smooth, rtol=0.01)
 
 
 @pytest.mark.parametrize('noisier', [1.0, 0.5, 3.0])

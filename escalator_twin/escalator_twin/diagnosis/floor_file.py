@@ -1,6 +1,7 @@
 """The floor's file: read, written, and that of another machine where there is none."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,35 +27,35 @@ LENDER = 'prototype'  # whose floor stands for that of a machine of linked chain
 
 
 def load_floor(machine: Machine) -> Floor:
-    """Read a machine's floor: beside its description, or beside what that extends.
+    """Read a machine's floor; where it has none, that of another machine stands for it.
 
-    Where there is none, a machine of linked chains borrows the prototype's, see `borrowed_by`.
+    A machine of linked chains borrows that of the machine that its description extends under another name, or
+    the prototype's, see `borrowed_by`.
     """
     floor = own_floor(machine)
     if floor.levels or isinstance(machine, MultibodyMachine):
         return floor
-    try:
-        folder = machines_folder()
-    except FileNotFoundError:  # the package alone was installed
-        return floor
-    lender = load_machine(folder / f'{LENDER}.yaml')
-    return borrowed_by(machine, lender, own_floor(lender))
+    for path in (*machine.bases, *_prototype()):
+        lender = load_machine(path)
+        lent = own_floor(lender)
+        if lent.levels:
+            return borrowed_by(machine, lender, lent)
+    return floor
+
+
+def _prototype() -> Iterator[Path]:
+    with suppress(FileNotFoundError):  # the package alone was installed
+        yield machines_folder() / f'{LENDER}.yaml'
 
 
 def own_floor(machine: Machine) -> Floor:
-    """Read the floor of a machine, or of the one that it extends; sensors' noise alone where there is none."""
-    for path in _files(machine):
-        if path.exists():
-            return read_floor(path)
-    return Floor({})
-
-
-def _files(machine: Machine) -> Iterator[Path]:
-    """Yield where a floor may be, nearest first; an extension may have a name of its own."""
+    """Read the floor of this name, beside the description or what it extends; without, sensors' noise alone."""
     for path in (machine.source, *machine.bases):
         if path is not None:
-            yield path.with_name(f'{machine.name}_floor.yaml')
-            yield path.with_name(f'{path.stem}_floor.yaml')
+            file = path.with_name(f'{machine.name}_floor.yaml')
+            if file.exists():
+                return read_floor(file)
+    return Floor({})
 
 
 def borrowed_by(machine: Machine, lender: Machine, floor: Floor) -> Floor:
