@@ -159,6 +159,16 @@ def test_a_channel_that_stands_still(recording):
     assert finding.from_s == pytest.approx(20.0, abs=0.05)
 
 
+@pytest.mark.parametrize('edge', [1999, 2400])
+def test_a_part_that_read_the_held_value_beside_the_standstill_is_not_dead(recording, edge):
+    def hold(parts):
+        parts[2000:2400] = parts[2000]
+        parts[edge, 3] = parts[2000, 3]
+
+    held = with_parts(recording, LEFT_A, hold)
+    assert [f.kind for f in quality(held, MACHINE) if f.channel == LEFT_A] == ['data_gap']
+
+
 def test_saturation(recording):
     def clip(parts):
         np.clip(parts, -3.0, 3.5, out=parts)

@@ -78,7 +78,9 @@ def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
         findings.append(_finding('data_gap', signal, time_s, begin, end, text))
     if len(parts) > 1:
         for k, part in enumerate(parts):
+            # where the whole channel stands still, one part may have read that value a sample before
             spans = _spans(is_still[k] & ~all_still)
+            spans = [(a, b) for a, b in spans if b - a + 1 > _longest(part)]
             if spans:
                 value = _field(part.values[spans[0][0]], sensor)
                 text = f'part {k + 1} of {len(parts)} reads a constant ({value:.4g})'
@@ -106,8 +108,7 @@ def _still(part: Part, sensor: Sensor) -> NDArray[np.bool_]:
     mask = np.zeros(len(part.values), dtype=bool)
     if part.noise <= 0.0 or (sensor.noise > 0.0 and _is_ideal(part)):
         return mask  # without noise a slow signal may well repeat itself
-    longest = longest_live_run(part.noise, part.resolution, len(mask))
-    runs = still_runs(part.values, longest)
+    runs = still_runs(part.values, _longest(part))
     for extreme in (part.values.min(), part.values.max()):
         at_extreme = [run for run in runs if part.values[run[0]] == extreme]
         if len(at_extreme) > 1:  # clipped there again and again: saturation
@@ -115,6 +116,11 @@ def _still(part: Part, sensor: Sensor) -> NDArray[np.bool_]:
     for begin, end in runs:
         mask[begin : end + 1] = True
     return mask
+
+
+def _longest(part: Part) -> int:
+    """Return how many equal values in a row live noise may give."""
+    return longest_live_run(part.noise, part.resolution, len(part.values))
 
 
 def _is_ideal(part: Part) -> bool:
