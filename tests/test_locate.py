@@ -141,7 +141,7 @@ def test_a_channel_in_another_unit_is_refused(sample, machine, channel, factor, 
     signals = dict(recording.signals)
     old = signals[channel]
     signals[channel] = replace(old, values=factor * old.values, parts=factor * old.parts)
-    with pytest.raises(RecordingError, match=f'{channel}: reads .* {unit}'):
+    with pytest.raises(RecordingError, match=f'sample_clean: {channel}: reads .* {unit}'):
         compared(replace(recording, signals=signals), machine)
 
 

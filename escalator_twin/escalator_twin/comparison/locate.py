@@ -142,9 +142,12 @@ def locate(
         speed.value,
     )
     is_tied = all(c.is_known for c in comparisons.values())
-    tracks, wrong = mend_by_model(
-        tracks, low, templates, speed.value, place.start_m, machine, is_tied
-    )
+    try:
+        tracks, wrong = mend_by_model(
+            tracks, low, templates, speed.value, place.start_m, machine, is_tied
+        )
+    except RecordingError as error:
+        raise RecordingError(f'{recording.path}: {error}') from error
     guess = Guess(speed.value, place.start_m, machine.drive.speed_wander or WANDER)
     fit = fit_all(tracks, templates, guess, machine, comparisons)
     tracks, turned = turn_by_waves(tracks, templates, fit.travel, machine)
