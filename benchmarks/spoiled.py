@@ -113,6 +113,7 @@ WAYS: dict[str, WAY] = {
     'no tensioner': _without(WAYS_OF),
     'no accelerations': _without(STEP),
     'no links': _without(FORCE),
+    'accelerations alone': lambda r, m: _without(FORCE)(_without(WAYS_OF)(r, m), m),
     'six seconds at rest at both ends': lambda r, m: _with(
         r, *(_rested(s, m) for s in r.signals.values())
     ),

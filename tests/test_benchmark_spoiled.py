@@ -27,6 +27,7 @@ TOUCHED = {
     'no tensioner': WAYS_OF,
     'no accelerations': STEPS,
     'no links': LINKS,
+    'accelerations alone': LINKS | WAYS_OF,
     'six seconds at rest at both ends': LINKS | STEPS | WAYS_OF,
     'accelerations in g': STEPS,
     'the tensioner in mm': WAYS_OF,

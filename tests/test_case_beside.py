@@ -51,20 +51,22 @@ def test_a_single_file_has_its_own(written):
     assert bagfile.read(alone, MACHINE).experiment.set_speed_m_s == 0.25
 
 
+def test_a_file_of_a_directory_has_the_directorys(written):
+    path = written(None)
+    (path / 'experiment.yaml').write_text(ALL)
+    (file,) = path.glob('*.mcap')
+    assert bagfile.read(file, MACHINE).experiment.set_speed_m_s == 0.25
+    (path / f'{file.stem}.experiment.yaml').write_text(ALL.replace('0.25', '0.35'))
+    assert bagfile.read(file, MACHINE).experiment.set_speed_m_s == 0.35
+
+
 def test_what_the_file_says_wins_and_the_rest_is_the_recordings(recording, written):
     said = recording.experiment
     path = written(said)
     (path / 'experiment.yaml').write_text('load: 30\n')
     found = bagfile.read(path, MACHINE).experiment
-    assert found == replace(bagfile_said(said), load_per_step_kg=found.load_per_step_kg)
+    assert found == replace(said, load_per_step_kg=found.load_per_step_kg)
     assert set(found.load_per_step_kg) == {30.0}
-
-
-def bagfile_said(experiment):
-    """Return an experiment as a message brings it back."""
-    return replace(
-        experiment, machine=MACHINE.name if not experiment.machine else experiment.machine
-    )
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,8 @@ def case_beside(
     Parameters
     ----------
     path : path
-        A rosbag2 directory: ``experiment.yaml`` in it; or one file: ``<its name>.experiment.yaml``.
+        A rosbag2 directory: ``experiment.yaml`` in it; or one file: ``<its name>.experiment.yaml``, or its
+        rosbag2 directory's.
     machine : Machine
         Gives the number of steps.
     said : Experiment or None
@@ -59,8 +60,11 @@ def case_beside(
         Naming the file and key, what is expected and what was found.
     """
     bag = Path(path)
-    file = bag / BESIDE if bag.is_dir() else bag.with_name(f'{bag.stem}.{BESIDE}')
-    if not file.is_file():
+    files = [bag / BESIDE] if bag.is_dir() else [bag.with_name(f'{bag.stem}.{BESIDE}')]
+    if not bag.is_dir() and bag.with_name('metadata.yaml').is_file():
+        files.append(bag.with_name(BESIDE))
+    file = next((file for file in files if file.is_file()), None)
+    if file is None:
         return said
     data = _file(str(file))
     missing = [key for key in KEYS if key not in data]
