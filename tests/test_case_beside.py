@@ -49,6 +49,8 @@ def test_a_single_file_has_its_own(written):
     (path.parent / 'run_7.experiment.yaml').write_text(ALL)
     (path.parent / 'experiment.yaml').write_text('nonsense: 1')  # of no file here
     assert bagfile.read(alone, MACHINE).experiment.set_speed_m_s == 0.25
+    other = shutil.copy(file, path.parent / 'run_8.mcap')
+    assert bagfile.read(other, MACHINE).experiment is None
 
 
 def test_a_file_of_a_directory_has_the_directorys(written):
