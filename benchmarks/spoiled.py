@@ -38,16 +38,6 @@ def _values(signal: Signal, parts: Floats) -> Signal:
     return make_signal(signal.channel, signal.unit, signal.stamp_ns, signal.bag_ns, parts)
 
 
-def _at(signal: Signal, kept: np.ndarray) -> Signal:
-    return make_signal(
-        signal.channel,
-        signal.unit,
-        signal.stamp_ns[kept],
-        signal.bag_ns[kept],
-        signal.parts[kept],
-    )
-
-
 def _held(signal: Signal, begin: float, end: float) -> Signal:
     """Return a signal that repeats its value from one share of its length to another."""
     n = len(signal.parts)
@@ -59,7 +49,7 @@ def _held(signal: Signal, begin: float, end: float) -> Signal:
 
 def _lossy(signal: Signal, share: float) -> Signal:
     """Return a signal without some of its samples, at random."""
-    return _at(signal, np.random.default_rng(3).random(len(signal.parts)) >= share)
+    return signal.only(np.random.default_rng(3).random(len(signal.parts)) >= share)
 
 
 def _rested(signal: Signal, machine: Machine) -> Signal:

@@ -45,6 +45,18 @@ def only(recording, *words):
     return replace(recording, signals=signals)
 
 
+def turned(recording, channel):
+    """Return the recording with one channel's sign turned."""
+    old = recording.signals[channel]
+    signal = replace(old, values=-old.values, parts=-old.parts)
+    return replace(recording, signals={**recording.signals, channel: signal})
+
+
+def repaired(found):
+    """Return kind and channel of what was repaired."""
+    return {(f['kind'], f['channel']) for f in found['quality'] if f['repaired']}
+
+
 def off_mm(found, truth, machine):
     """Return the error of the place, mm, the short way round the loop."""
     length = build_path(machine.guide).length_m
@@ -115,15 +127,13 @@ def test_a_tensioners_sensor_that_is_mounted_the_wrong_way_is_turned_where_clock
     sample, machine
 ):
     recording, _ = sample
-    signals = dict(recording.signals)
-    way = signals['tensioner/displacement']
-    signals[way.channel] = replace(way, values=-way.values, parts=-way.parts)
-    found = compared(replace(recording, signals=signals), machine)
-    kinds = {(f['kind'], f['channel'], f['repaired']) for f in found['quality']}
-    assert ('axis_inverted', way.channel, True) in kinds
-    assert found['channels'][way.channel]['r_time'] > 0.999
+    channel = 'tensioner/displacement'
+    negative = turned(recording, channel)
+    found = compared(negative, machine)
+    assert ('axis_inverted', channel) in repaired(found)
+    assert found['channels'][channel]['r_time'] > 0.999
     # by its waves alone a tensioner may as well be half a pitch away
-    untied = {c: replace(s, bag_ns=s.stamp_ns) for c, s in signals.items()}
+    untied = {c: replace(s, bag_ns=s.stamp_ns) for c, s in negative.signals.items()}
     found = compared(replace(recording, signals=untied), machine)
     assert not [f for f in found['quality'] if f['kind'] == 'axis_inverted']
 
@@ -157,14 +167,12 @@ def test_a_recording_that_ran_the_other_way_is_refused(sample, machine):
 @pytest.mark.issue(6)
 def test_a_link_whose_bridge_is_plugged_the_wrong_way_is_turned(sample, machine):
     recording, truth = sample
-    signals = dict(recording.signals)
-    link = signals['link_force/left_b']
-    signals[link.channel] = replace(link, values=-link.values, parts=-link.parts)
-    found = compared(replace(recording, signals=signals), machine)
-    kinds = {(f['kind'], f['channel'], f['repaired']) for f in found['quality']}
-    assert ('axis_inverted', link.channel, True) in kinds
+    channel = 'link_force/left_b'
+    negative = turned(recording, channel)
+    found = compared(negative, machine)
+    assert ('axis_inverted', channel) in repaired(found)
     assert abs(off_mm(found, truth, machine)) < 15.0
-    assert found['channels'][link.channel]['r_time'] > 0.999
+    assert found['channels'][channel]['r_time'] > 0.999
     assert not [f for f in found['quality'] if f['kind'] == 'channel_swap']
 
 

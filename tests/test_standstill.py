@@ -3,34 +3,33 @@
 from dataclasses import replace
 import json
 
+from makers import prototype
 import numpy as np
 import pytest
 
 from escalator_twin import bagfile, pipeline
 from escalator_twin.comparison.document import recording_document
 from escalator_twin.comparison.standstill import without_standstill
-from escalator_twin.machine import load_machine
+from escalator_twin.ros.windows import recorder_shift_ns
 from escalator_twin.signals import make_signal
 
 pytestmark = pytest.mark.issue(5)
 
 
-@pytest.fixture(scope='module')
-def machine(root):
-    return load_machine(root / 'config' / 'machines' / 'prototype.yaml')
+MACHINE = prototype()
 
 
 @pytest.fixture(scope='module')
-def sample(root, machine):
-    return bagfile.read(root / 'bags' / 'sample_clean', machine)
+def sample(root):
+    return bagfile.read(root / 'bags' / 'sample_clean', MACHINE)
 
 
-def at_rest(recording, machine, before_s, after_s):
+def at_rest(recording, before_s, after_s):
     """Return the recording with the machine at rest before and after: the values it had, with noise."""
     rng = np.random.default_rng(6)
     signals = {}
     for channel, old in recording.signals.items():
-        sensor = machine.instruments.sensor(channel)
+        sensor = MACHINE.instruments.sensor(channel)
         step = round(1e9 / sensor.rate_hz)
         noise = sensor.noise * abs(sensor.scale)
 
@@ -49,14 +48,14 @@ def at_rest(recording, machine, before_s, after_s):
     return replace(recording, signals=signals)
 
 
-def test_what_runs_all_the_time_is_left_as_it_is(sample, machine):
-    assert without_standstill(sample, machine) == (sample, [])
+def test_what_runs_all_the_time_is_left_as_it_is(sample):
+    assert without_standstill(sample, MACHINE) == (sample, [])
 
 
 @pytest.mark.parametrize(('before', 'after'), [(12.0, 0.0), (0.0, 7.0), (5.0, 20.0)])
-def test_rest_is_left_out_and_told(sample, machine, before, after):
-    whole = at_rest(sample, machine, before, after)
-    cut, findings = without_standstill(whole, machine)
+def test_rest_is_left_out_and_told(sample, before, after):
+    whole = at_rest(sample, before, after)
+    cut, findings = without_standstill(whole, MACHINE)
     assert [f.kind for f in findings] == ['data_gap'] * ((before > 0.0) + (after > 0.0))
     assert all(f.repaired and not f.channel for f in findings)
     for channel, ran in sample.signals.items():
@@ -68,24 +67,34 @@ def test_rest_is_left_out_and_told(sample, machine, before, after):
         assert np.array_equal(cut.signals[channel].values, ran.values[inside])
 
 
-def test_a_short_rest_is_none(sample, machine):
-    assert not without_standstill(at_rest(sample, machine, 1.5, 1.5), machine)[1]
+def test_a_short_rest_is_none(sample):
+    assert not without_standstill(at_rest(sample, 1.5, 1.5), MACHINE)[1]
 
 
-def test_a_machine_that_never_runs_is_left_to_what_finds_its_speed(sample, machine):
+def test_a_machine_that_never_runs_is_left_to_what_finds_its_speed(sample):
     rest = {c: replace(s, values=0.0 * s.values) for c, s in sample.signals.items()}
     still = replace(sample, signals=rest)
-    assert without_standstill(still, machine) == (still, [])
+    assert without_standstill(still, MACHINE) == (still, [])
 
 
-def test_speed_place_and_agreement_are_those_of_the_run(root, sample, machine):
+def test_speed_place_and_agreement_are_those_of_the_run(root, sample):
     truth = json.loads((root / 'bags' / 'truth' / 'sample_clean.json').read_text())
-    whole = at_rest(sample, machine, 8.0, 8.0)
-    setting, judgement = pipeline.compare_recording(whole, machine)
-    found = recording_document(whole, setting, judgement, machine)
+    whole = at_rest(sample, 8.0, 8.0)
+    setting, judgement = pipeline.compare_recording(whole, MACHINE)
+    found = recording_document(whole, setting, judgement, MACHINE)
     assert found['speed_m_s']['value'] == pytest.approx(truth['speed_m_s'], rel=1e-3)
     told = [f for f in found['quality'] if f['kind'] == 'data_gap']
     assert [f['channel'] for f in told] == ['', '']
     for channel, row in found['channels'].items():
         if 'acceleration/y' not in channel:
             assert row['r_time'] > 0.999, channel
+
+
+def test_the_recorders_time_is_told_at_the_origin_though_a_standstill_is_before_it(sample):
+    whole = at_rest(sample, 8.0, 0.0)
+    cut, _ = without_standstill(whole, MACHINE)
+    first = cut.signals['tensioner/displacement']
+    origin = int(first.stamp_ns[0])
+    assert origin > int(whole.signals['tensioner/displacement'].stamp_ns[0])
+    assert recorder_shift_ns(whole, origin) == int(first.bag_ns[0]) - origin != 0
+    assert recorder_shift_ns(whole, origin + 1) == 0

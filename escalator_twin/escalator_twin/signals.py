@@ -118,6 +118,17 @@ class Signal:
             return 0.0
         return 1e9 / float(np.median(np.diff(self.stamp_ns)))
 
+    def only(self, kept: NDArray[np.bool_]) -> 'Signal':
+        """Return the signal with some of its samples, (n,) bool, their values as they are."""
+        return Signal(
+            self.channel,
+            self.unit,
+            read_only(self.stamp_ns[kept], np.int64),
+            read_only(self.bag_ns[kept], np.int64),
+            read_only(self.values[kept]),
+            read_only(self.parts[kept]),
+        )
+
 
 def make_signal(
     channel: str, unit: str, stamp_ns: ArrayLike, bag_ns: ArrayLike, parts: ArrayLike

@@ -117,14 +117,7 @@ def _without_still(
             del left[channel]
             continue
         moves[[0, -1]] = True
-        left[channel] = Signal(
-            channel,
-            signal.unit,
-            read_only(signal.stamp_ns[moves], np.int64),
-            read_only(signal.bag_ns[moves], np.int64),
-            read_only(signal.values[moves]),
-            read_only(signal.parts[moves]),
-        )
+        left[channel] = signal.only(moves)
     return left, mended
 
 

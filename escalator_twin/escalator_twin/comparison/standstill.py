@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from escalator_twin.check.values import own_noise
 from escalator_twin.machine import Machine, Sensor
-from escalator_twin.signals import Finding, Floats, read_only, Recording, Signal
+from escalator_twin.signals import Finding, Floats, Recording, Signal
 
 WINDOW_S = 1.0  # of which the movement is told: nearly a link's at 0.5 m/s
 LEAST_S = 2.0  # that a standstill lasts
@@ -109,12 +109,4 @@ def _run(still: NDArray[np.bool_], end_s: float) -> tuple[float, float]:
 def _between(signal: Signal, first: int, begin: float, end: float) -> Signal:
     """Return the part of a signal between two bag times, s from ``first``."""
     time = (signal.bag_ns - first) * 1e-9
-    kept = (time >= begin) & (time <= end)
-    return Signal(
-        signal.channel,
-        signal.unit,
-        read_only(signal.stamp_ns[kept], np.int64),
-        read_only(signal.bag_ns[kept], np.int64),
-        read_only(signal.values[kept]),
-        read_only(signal.parts[kept]),
-    )
+    return signal.only((time >= begin) & (time <= end))

@@ -7,7 +7,7 @@ import numpy as np
 
 from escalator_twin.comparison.locate import LEAD_S, Setting
 from escalator_twin.machine import Machine
-from escalator_twin.signals import make_signal, Recording, Signal
+from escalator_twin.signals import Recording
 from escalator_twin.sync.timeline import Timed
 
 EDGE_S = 2.0  # of a window, on either side, that scores leave out (contracts: whole loops)
@@ -60,15 +60,15 @@ def span_of(setting: Setting) -> tuple[float, float]:
 
 
 def recorder_shift_ns(recording: Recording, origin_ns: int) -> int:
-    """Return the recorder's time less the reference clock's, at the recording's origin."""
-    return next(
-        (
-            int(signal.bag_ns[0]) - origin_ns
-            for signal in recording.signals.values()
-            if len(signal.stamp_ns) and int(signal.stamp_ns[0]) == origin_ns
-        ),
-        0,
-    )
+    """Return the recorder's time less the reference clock's, at the sample that is the origin.
+
+    Not always the first one: a standstill before the run is left out.
+    """
+    for signal in recording.signals.values():
+        k = int(np.searchsorted(signal.stamp_ns, origin_ns))
+        if k < len(signal.stamp_ns) and int(signal.stamp_ns[k]) == origin_ns:
+            return int(signal.bag_ns[k]) - origin_ns
+    return 0
 
 
 def without_start(recording: Recording, from_bag_ns: int) -> Recording:
@@ -76,18 +76,7 @@ def without_start(recording: Recording, from_bag_ns: int) -> Recording:
     return replace(
         recording,
         signals={
-            channel: _without_start(signal, from_bag_ns)
+            channel: signal.only(signal.bag_ns >= from_bag_ns)
             for channel, signal in recording.signals.items()
         },
-    )
-
-
-def _without_start(signal: Signal, from_bag_ns: int) -> Signal:
-    kept = signal.bag_ns >= from_bag_ns
-    return make_signal(
-        signal.channel,
-        signal.unit,
-        signal.stamp_ns[kept],
-        signal.bag_ns[kept],
-        signal.parts[kept],
     )
