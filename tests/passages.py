@@ -103,7 +103,7 @@ def held(change: np.ndarray, proposal: Proposal, seed: int = 1, shown=None):
     measured, base = recorded(seed)
     stage = stage_of(measured, base, shown)
     after = Beside(stage, None, base + change, stage.fit(base + change))
-    return hold_out(SimpleNamespace(machine=MACHINE), after, [proposal], seed)
+    return hold_out(SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [proposal], seed)
 
 
 N = round(LOOPS * FRAME.n_loop)

@@ -53,6 +53,27 @@ def test_what_leaves_a_quarter_is_followed(monkeypatch, left, is_riddle):
     assert closing.is_riddle(100.0, [best, unfitted], None) is is_riddle
 
 
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(
+    ('is_open', 'stretched', 'used_up', 'gain', 'is_hiding'),
+    [
+        (False, True, False, -240.0, True),
+        (False, False, True, -240.0, True),
+        (False, False, False, -240.0, False),  # as good as any
+        (True, True, True, -240.0, False),  # what is open says so by itself
+        (False, True, True, 90.0, False),  # another cause explains more than the tolerances do
+    ],
+)
+def test_what_is_hidden_while_nothing_is_open_is_sought_where_nothing_else_explains_more(
+    monkeypatch, is_open, stretched, used_up, gain, is_hiding
+):
+    for name, told in (('is_open', is_open), ('is_stretched', stretched), ('is_used_up', used_up)):
+        monkeypatch.setattr(closing, name, lambda *_, told=told: told)
+    fitted = Tried(ROLLING, gain, {}, SimpleNamespace(place=None))
+    unfitted = Tried(LANDING, 300.0, {}, None)
+    assert closing.is_hiding(None, [fitted, unfitted], None) is is_hiding
+
+
 @pytest.mark.parametrize(
     ('cause', 'left', 'is_local'),
     [

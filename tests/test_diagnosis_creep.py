@@ -9,6 +9,7 @@ from passages import N as GRID
 import pytest
 
 from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.free import freed, without_own
 from escalator_twin.diagnosis.heldout import hold_out
 from escalator_twin.diagnosis.nuisance import nuisance_of
@@ -125,7 +126,7 @@ def test_what_it_gains_is_not_taken_by_what_a_good_gauge_may_creep_by():
     assert any(name.startswith(own) for name in stage.nuisance.names)
     assert not any(name.startswith(own) for name in bare.nuisance.names)
     after = freed(Beside(stage, None, model, stage.fit(model)), [drift])
-    found = hold_out(SimpleNamespace(machine=MACHINE), after, [drift], 1)
+    found = hold_out(SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [drift], 1)
     assert found.significant
     row = found.channels[CHANNELS[CREEPING]]
     assert row['chi2_after'] < 1.2 < 0.5 * row['chi2_before']

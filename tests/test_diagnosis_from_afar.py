@@ -38,19 +38,20 @@ def leveled(chi2, shaken=0.0):
 
 
 @pytest.mark.parametrize(
-    ('edges', 'known', 'is_open', 'closes', 'fitted'),
+    ('edges', 'known', 'is_open', 'hides', 'closes', 'fitted'),
     [
-        ((), [FRICTION], True, False, [ROLLING]),
-        ((EDGE,), [FRICTION], True, False, [ROLLING, EDGE]),
-        ((ROLLING,), [FRICTION], True, False, [ROLLING]),  # leads already: once is enough
+        ((), [FRICTION], True, False, False, [ROLLING]),
+        ((EDGE,), [FRICTION], True, False, False, [ROLLING, EDGE]),
+        ((ROLLING,), [FRICTION], True, False, False, [ROLLING]),  # leads already: once is enough
         # beside nothing known any effect turns tolerances to their edges
-        ((EDGE,), [], True, False, [ROLLING, EDGE]),
-        ((EDGE,), [], True, True, [ROLLING]),
-        ((EDGE,), [], False, False, [ROLLING]),
+        ((EDGE,), [], True, False, False, [ROLLING, EDGE]),
+        ((EDGE,), [], True, False, True, [ROLLING]),
+        ((EDGE,), [], False, False, False, [ROLLING]),
+        ((EDGE,), [], False, True, False, [ROLLING, EDGE]),
     ],
 )
 def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
-    monkeypatch, edges, known, is_open, closes, fitted
+    monkeypatch, edges, known, is_open, hides, closes, fitted
 ):
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
         proposal=given[3], gain=given[3].gain
@@ -67,6 +68,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
         return Tried(refined.proposal, refined.gain, {}, polished)
 
     monkeypatch.setattr(from_afar, 'fitted_beside', fitted_beside)
+    monkeypatch.setattr(from_afar, 'is_hiding', lambda *_: hides)
     monkeypatch.setattr(closing, 'is_open', lambda place, *_: place.is_open)
     monkeypatch.setattr(closing, 'excess_of', lambda *_: 100.0)
     context = Held(None, Held({}), None)
@@ -86,6 +88,7 @@ def test_beside_a_link_that_explains_most_nothing_is_sought_afar(monkeypatch, le
     monkeypatch.setattr(closing, 'is_open', lambda *_: True)
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.fitted - 1e3)
     monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: False)
+    monkeypatch.setattr(from_afar, 'is_hiding', lambda *_: False)
     link = Proposal('link_elongation', {'link': 12}, {'length_m': 3e-3}, 400.0)
     done = Tried(link, 990.0, {}, Polished(None, leveled(1e3 + left), (link,), ({},)))
     afar = Afar(None, leveled(2e3), [ROLLING])
@@ -192,6 +195,7 @@ def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypat
         monkeypatch.setattr(module, 'fitted_beside', fitted_beside)
     monkeypatch.setitem(trial.SCANS, 'truss_resonance', scan)
     monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: False)
+    monkeypatch.setattr(from_afar, 'is_hiding', lambda *_: False)
     monkeypatch.setattr(trial, 'shared', lambda _place, tried: tried)
     monkeypatch.setattr(trial, 'locked', lambda _context, _place, tried, _jobs: tried)
     monkeypatch.setattr(trial, '_settled', lambda _place, _known, tried, _jobs: tried)

@@ -28,6 +28,7 @@ import pytest
 from scipy.fft import dct
 
 from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.free import creep, freed
 from escalator_twin.diagnosis.heldout import (
     _precise,
@@ -77,7 +78,7 @@ def test_without_a_second_passage_the_reason_is_told():
     assert found[0] == []
     assert 'second passage' in found[1]
     after = Beside(stage, None, base, stage.fit(base))
-    unheld = hold_out(SimpleNamespace(machine=MACHINE), after, [effect()], 1)
+    unheld = hold_out(SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [effect()], 1)
     assert unheld.document() is None
     assert not unheld.significant
     assert unheld.split == found[1]
@@ -134,7 +135,9 @@ def test_beside_a_gauges_creep_an_effect_of_the_machine_gains(proposal):
     model = base + passing(N, AXLE)
     measured += creep(stage, drift)  # in place: the stage's own
     after = freed(Beside(stage, None, model, stage.fit(model)), [drift])
-    found = hold_out(SimpleNamespace(machine=MACHINE), after, [proposal, drift], 1)
+    found = hold_out(
+        SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [proposal, drift], 1
+    )
     assert found.significant
     assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
 
@@ -148,7 +151,7 @@ def test_what_a_creeping_gauge_gains_is_not_settled_away():
     stage = stage_of(measured, base)
     measured += creep(stage, drift)  # in place: the stage's own
     after = freed(Beside(stage, None, base, stage.fit(base)), [drift])
-    found = hold_out(SimpleNamespace(machine=MACHINE), after, [drift], 1)
+    found = hold_out(SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [drift], 1)
     assert found.significant
     row = found.channels[CHANNELS[0]]
     assert row['chi2_after'] < 1.2 < 0.1 * row['chi2_before']
@@ -214,8 +217,14 @@ def test_a_further_effect_gains_what_the_first_does_not(there, is_gain, seed):
     model = base + first + passing(n, there)
     after = Beside(known, None, model, known.fit(model))
     earlier = Earlier(MACHINE, (EVERYWHERE,))
-    context = SimpleNamespace(machine=MACHINE)
-    alone = hold_out(SimpleNamespace(machine=None), after, [effect(there)], seed, earlier=earlier)
+    context = SimpleNamespace(machine=MACHINE, floor=Floor({}))
+    alone = hold_out(
+        SimpleNamespace(machine=None, floor=Floor({})),
+        after,
+        [effect(there)],
+        seed,
+        earlier=earlier,
+    )
     assert alone.significant == is_gain
     # both together gain much, whatever the second is
     stage = stage_of(measured, base)
@@ -243,7 +252,9 @@ def test_beside_a_known_fault_of_a_gauge_an_effect_is_held_out_with_it(cause):
     model = base + passing(N, AXLE)
     after = freed(Beside(stage, None, model, stage.fit(model)), [known])
     earlier = Earlier(MACHINE, (known,))
-    found = hold_out(SimpleNamespace(machine=None), after, [effect()], 1, earlier=earlier)
+    found = hold_out(
+        SimpleNamespace(machine=None, floor=Floor({})), after, [effect()], 1, earlier=earlier
+    )
     assert found.significant
     assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
 
@@ -270,7 +281,9 @@ def test_beside_a_known_creep_another_gauges_creep_is_held_out():
     stage = replace(stage, observation=replace(stage.observation, measured=measured))
     after = freed(Beside(stage, None, base, stage.fit(base)), drifts)
     earlier = Earlier(MACHINE, (drifts[0],))
-    found = hold_out(SimpleNamespace(machine=None), after, [drifts[1]], 1, earlier=earlier)
+    found = hold_out(
+        SimpleNamespace(machine=None, floor=Floor({})), after, [drifts[1]], 1, earlier=earlier
+    )
     assert found.significant
     assert found.channels[CHANNELS[0]]['chi2_after'] < 1.2
     assert found.channels[CHANNELS[1]]['chi2_after'] < 1.2

@@ -55,7 +55,7 @@ def test_what_passes_once_is_told_without_a_second_look_and_refused_where_nothin
     stage = stage_of(measured, base)
     after = Beside(stage, None, model, stage.fit(model))
     step = Proposal('guide_step', {'s_m': 24.4 * told}, {'height_m': 1e-3}, 1e3)
-    found = hold_out(SimpleNamespace(machine=MACHINE), after, [step], 1)
+    found = hold_out(SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [step], 1)
     assert not found.significant
     assert (found.channels is None) is (reason is not None)
     if reason is not None:
@@ -66,6 +66,24 @@ def test_a_right_name_that_harms_another_channel_is_told():
     change = passing(N, AXLE)
     change[:, TENSIONER] = 0.5 * SIZE * spread()[TENSIONER] * np.sin(0.21 * np.arange(N))
     assert CHANNELS[TENSIONER] in held(change, effect()).worse
+
+
+@pytest.mark.parametrize(('above', 'is_worse'), [(0.8, False), (1.25, True)])
+def test_a_channel_that_holds_no_more_than_a_good_machine_s_is_not_worse(above, is_worse):
+    """Of what a good machine usually leaves there the twin knows nothing: it may rise by chance."""
+    measured, base = recorded()
+    stage = stage_of(measured, base)
+    plain = measured - base
+    harmed = plain.copy()
+    harmed[:, TENSIONER] += 3.0 * spread()[TENSIONER] * np.sin(2.0 * np.pi * 0.11 * np.arange(N))
+    folds, split = folds_of(stage, [EVERYWHERE])
+    seen = [(slice(*block), plain, harmed) for blocks in folds for block in blocks]
+    every = np.ones(len(CHANNELS), bool)
+    # chi squared per coefficient of noise of one deviation and that wave, of which the floor takes no part
+    level = 1.0 + 3.0**2 / 2.0
+    limits = np.full(len(CHANNELS), level / above)
+    found = scored(stage, seen, split, 1, every, every, limits=limits).worse
+    assert (CHANNELS[TENSIONER] in found) is is_worse
 
 
 def test_only_a_channel_that_an_effect_acts_on_becomes_worse_by_it():
@@ -112,7 +130,7 @@ def test_a_zero_that_has_moved_later_does_not_drown_the_gain():
     model = base + passing(N, AXLE)
     stage = stage_of(measured, base)
     after = Beside(stage, None, model, stage.fit(model))
-    found = hold_out(SimpleNamespace(machine=MACHINE), after, [effect()], 1)
+    found = hold_out(SimpleNamespace(machine=MACHINE, floor=Floor({})), after, [effect()], 1)
     assert found.significant
     assert found.worse == ()
     assert found.channels is not None
@@ -124,7 +142,7 @@ def test_the_bootstrap_depends_on_its_seed_alone():
     stage = stage_of(measured, base)
     model = base + passing(N, AXLE)
     after = Beside(stage, None, model, stage.fit(model))
-    context = SimpleNamespace(machine=MACHINE)
+    context = SimpleNamespace(machine=MACHINE, floor=Floor({}))
     one, again, other = (hold_out(context, after, [effect()], s) for s in (1, 1, 2))
     assert one.gain_low == again.gain_low
     assert one.gain_low != other.gain_low

@@ -45,6 +45,26 @@ def test_the_other_side_of_the_best_is_fitted_too(monkeypatch, cause, alone, tri
     assert [t.proposal.location['axle'] for t in found] == [38] * len(tried)
 
 
+@pytest.mark.parametrize(
+    ('known', 'cause', 'added'),
+    [
+        (('chain_elongation', {'side': 'left'}), 'link_stiffness', ['left']),
+        (('load_offset', {}), 'link_stiffness', ['left']),
+        (('chain_elongation', {'side': 'both'}), 'link_stiffness', []),  # both sides pull alike
+        (('tensioner_friction', {}), 'link_stiffness', []),
+        (('chain_elongation', {'side': 'left'}), 'roller_drag', []),  # whatever the side's tension
+    ],
+)
+def test_a_soft_link_is_tried_on_both_sides_where_one_side_pulls_more(known, cause, added):
+    one = Proposal(cause, {'link': 54, 'side': 'right'}, {'factor': 0.5}, 1.6e3)
+    beside = Proposal(*known, {}, 9e6)
+    found = sides.across([one], [beside])
+    assert [p.location['side'] for p in found] == added
+    assert all(p.location['link'] == 54 and p.parameters == one.parameters for p in found)
+    # a contender already is none once more
+    assert found == [] or sides.across([one, *found], [beside]) == []
+
+
 FRAME = Frame(0.4, 20, 8, 0.5)
 PITCHES = 30  # a loop and a half
 

@@ -40,7 +40,7 @@ class Afar:
         Best first.
     edges : tuple of Proposal
         Fitted whatever they promise, see `at_the_edge`: beside known effects always, else where no
-        fit explains most of what is open.
+        fit explains most of what is open or hidden.
     """
 
     context: Context

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.closing import is_closed, is_done, is_local, is_riddle
+from escalator_twin.diagnosis.closing import is_closed, is_done, is_hiding, is_local, is_riddle
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.fitting import fitted_beside
 from escalator_twin.diagnosis.frames import best_frame
@@ -75,7 +75,7 @@ def tried_from_afar(
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         found = _tried_afar(context, sought, place, known, pool, jobs, places, is_worth)
         tried = [*fitted, *found]
-        if known or is_riddle(place, tried, floor):
+        if known or is_riddle(place, tried, floor) or is_hiding(place, tried, floor):
             found += _at_edges(context, afar, place, known, tried, pool, jobs)
     if all(t.gain <= 0.0 for t in [*fitted, *found] if t.polished is not None):
         found += _from_here(context, sought, place, known, jobs, is_worth)
@@ -190,7 +190,7 @@ def _at_edges(
     """Fit the causes whose tolerance the tuning has used up, but those that were tried.
 
     Beside nothing known whatever is wrong may turn a tolerance to its edge: then only where
-    nothing else closes what is open.
+    nothing else closes what is open, or nothing is and more is hidden than good machines hide.
     """
     base = afar.place
     done = {t.proposal.cause for t in tried if t.polished is not None}

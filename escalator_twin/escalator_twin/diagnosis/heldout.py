@@ -14,6 +14,7 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, inner_products
 from escalator_twin.diagnosis.scores import HeldOut, scored, Seen, undecided
 from escalator_twin.diagnosis.stage import LARGEST, Stage
+from escalator_twin.diagnosis.unexplained import limits_of, OPEN_SIGMAS
 from escalator_twin.diagnosis.whitening import Whitener
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
@@ -97,7 +98,9 @@ def hold_out(
     slow = slow_of(bare, effects)
     seen = _seen(bare, plain, base, change, folds, sizes_known, bounded, slow)
     used = np.ones(len(bare.quiet), bool) if shaking else bare.quiet
-    found = scored(bare, seen, split, seed, used, np.any(change != 0.0, axis=0), change)
+    acted_on = np.any(change != 0.0, axis=0)
+    limits = limits_of(after, context.floor, OPEN_SIGMAS)
+    found = scored(bare, seen, split, seed, used, acted_on, change, limits)
     if len(folds) == 1 and not found.significant and not found.worse:
         why = undecided(bare, seen, change, used)
         if why is not None:

@@ -47,7 +47,8 @@ class HeldOut:
     significant : bool
     worse : tuple of str
         Channels whose residual's amplitude rises by more than 2 %, both as it is, 0 to 20 Hz, and over the floor:
-        the one alone may be waves of which the twin knows nothing, the other waves far below the noise.
+        the one alone may be waves of which the twin knows nothing, the other waves far below the noise. Not one
+        that then holds no more than a good machine usually does: of that the twin knows nothing either.
     """
 
     split: str
@@ -81,6 +82,7 @@ def scored(
     channels_used: np.ndarray,
     acted_on: np.ndarray,
     change: Floats | None = None,
+    limits: Floats | None = None,
 ) -> HeldOut:
     """Return scores by channel and the gain over blocks, by a bootstrap of whole blocks.
 
@@ -103,6 +105,8 @@ def scored(
         alone: no claim is made on them, and they cannot become worse.
     change : (n, c) float64, optional
         What the effects do; everywhere alike where it is not given.
+    limits : (c,) float64, optional
+        Chi squared per coefficient that good machines' channels seldom pass: none at all where it is not given.
     """
     observation = stage.observation
     rate = observation.frame.rate_hz
@@ -154,12 +158,14 @@ def scored(
     )
     again = rng.integers(0, len(there), (DRAWS, len(there)))
     low_gain, high_gain = _interval(there[again].sum(axis=1))
+    is_open = _per_coefficient(stage, energy[:, 1], seen) > (0.0 if limits is None else limits)
     worse = [
         channel
         for k, channel in enumerate(observation.channels)
         if channel in channels
         and channels_used[k]
         and acted_on[k]
+        and is_open[k]
         and _is_worse(drawn[:, :, k])
         and _is_worse(as_it_is[:, :, k])
     ]
@@ -289,6 +295,14 @@ def _is_worse(drawn: Floats) -> bool:
     total = drawn.mean(axis=0)
     risen = float(np.sqrt(total[1] / max(float(total[0]), 1e-30))) - 1.0
     return risen > WORSE and _interval(drawn)[1] < 0.0
+
+
+def _per_coefficient(stage: Stage, energy: Floats, seen: Sequence[Seen]) -> Floats:
+    """Return chi squared per coefficient of whitened energies (blocks, c) on held-out samples, (c,)."""
+    whiten = stage.whiten
+    samples = sum(block.stop - block.start for block, _, _ in seen)
+    count = samples * len(whiten.weight) / len(whiten.mask)
+    return np.asarray(whiten.temperature * energy.sum(axis=0) / count)
 
 
 def _channel(rows: dict[str, Floats], variance: float) -> dict[str, float]:

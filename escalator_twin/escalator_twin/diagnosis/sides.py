@@ -21,6 +21,25 @@ from escalator_twin.diagnosis.tried import Tried
 # about as much; of one flat spot and one soft link, named on the right side, the other explained 0.5 and 0.3.
 ALIKE = 0.6
 SIDED = ('roller_drag', 'link_stiffness', 'roller_flat', 'guide_step')
+PULLED = ('link_stiffness',)  # of these what the part does is in proportion to its side's tension
+UNEVEN = ('chain_elongation', 'load_offset')  # which take tension from one side to the other
+
+
+def across(contenders: Sequence[Proposal], known: Sequence[Proposal]) -> list[Proposal]:
+    """Return contenders on the other side, where a known effect takes tension from side to side.
+
+    They were sought by what they do in a machine whose sides pull alike. Of a chain that is 0.15 mm a link
+    longer the empty machine's side pushes, and a soft link in it looks like one of the other side.
+    """
+    if not any(k.cause in UNEVEN and k.location.get('side') != 'both' for k in known):
+        return []
+    found = [_across(p) for p in contenders if p.cause in PULLED]
+    return [p for p in found if not any(same_place(p, c) for c in contenders)]
+
+
+def _across(one: Proposal) -> Proposal:
+    other = SIDES[1 - SIDES.index(str(one.location['side']))]
+    return replace(one, location={**one.location, 'side': other})
 
 
 def other_sides(
@@ -54,10 +73,9 @@ def other_sides(
         if is_other_side(r.proposal, best.proposal)
     }
     if side in SIDES and best.proposal.cause not in PASSED:
-        other = SIDES[1 - SIDES.index(str(side))]
-        location = {**best.proposal.location, 'side': other}
         like = next(r for r in refined if r.proposal.cause == best.proposal.cause)
-        mirrored = replace(best.proposal, location=location)
+        mirrored = _across(best.proposal)
+        other = str(mirrored.location['side'])
         others = {other: replace(like, proposal=mirrored, gain=gain_of(mirrored))}
     own = max(r.gain for r in refined if r.proposal.cause == best.proposal.cause)
     others = {name: r for name, r in others.items() if r.gain > ALIKE * own}

@@ -28,7 +28,7 @@ from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
-from escalator_twin.diagnosis.sides import other_sides, weighed_by_passages
+from escalator_twin.diagnosis.sides import across, other_sides, weighed_by_passages
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
@@ -77,6 +77,7 @@ def try_all(
     base, fitted = place.model, place.fitted
     stage = place.stage.lean(base)
     single = [p for p in contenders if p.cause not in DRIVE]
+    single += across(single, known)
     moving: list[Proposal] = []
     if afar is not None:
         # beside tolerances that were tuned to them they look like others
