@@ -106,4 +106,17 @@ NOT_LISTED: dict[str, Kind] = {
     'unlisted_drifting_reflex': Kind(of_machine(drift_m=times(5e-4))),
     'unlisted_drifting_accelerometer': Kind(at_axis(drift_m_s2=times(0.1))),
     'unlisted_warming_gauges': Kind(at_link(strain=times(1.5e-5))),
+    'unlisted_heavy_side': Kind(with_side(of_machine(factor=either(1.15)), ONE_SIDE)),
+    'unlisted_half_loaded': Kind(of_machine(early_m=times(3.0)), needs_load=True),
+    'unlisted_thick_grease': Kind(of_machine(factor=lambda _rng, share: factor(8.0, share))),
+    'unlisted_damped_links': Kind(of_machine(factor=lambda _rng, share: factor(15.0, share))),
+    'unlisted_lower_landing': Kind(of_machine(delta_m=times(6e-3))),
+    'unlisted_short_dogs': Kind(of_machine(short_m=times(0.08))),
+    'unlisted_noisy_bridge': Kind(at_link(strain=times(6e-6))),
+    'unlisted_coarse_bridge': Kind(at_link(strain=times(1.5e-5))),
+    'unlisted_bent_reflex': Kind(of_machine(per_m=times(15.0))),
+    'unlisted_slow_accelerometer': Kind(of_machine(corner_hz=lambda _rng, share: 4.0 / share)),
+    'unlisted_humming_accelerometer': Kind(
+        at_axis(amplitude_m_s2=times(0.05), frequency_hz=between(5.0, 12.0))
+    ),
 }

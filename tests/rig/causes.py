@@ -141,11 +141,15 @@ def guide_step(model, place, size, rng):
 
 
 def landing_length(model, _place, size, _rng):
-    """Lay the upper landing longer by ``delta_m`` on top of what this machine has."""
+    return with_landings(model, upper_m=size['delta_m'])
+
+
+def with_landings(model: Model, lower_m: float = 0.0, upper_m: float = 0.0) -> Model:
+    """Lay the landings longer by so much on top of what this machine has."""
     lengths = np.diff(model.seg_start)
     sheet = Sheet()
-    lower = lengths[0] - sheet.lower_landing_m
-    upper = lengths[4] - sheet.upper_landing_m + size['delta_m']
+    lower = lengths[0] - sheet.lower_landing_m + lower_m
+    upper = lengths[4] - sheet.upper_landing_m + upper_m
     path = lay_path(sheet, float(lower), float(upper))
     return model._replace(
         seg_start=path.start,

@@ -14,6 +14,7 @@ from rig.causes import (
     in_stretch,
     SIDE_INDEX,
     table_s,
+    with_landings,
     with_normal,
 )
 from rig.machine import slope
@@ -191,6 +192,39 @@ def uneven_loads(model, _place, size, rng):
     return model._replace(load=model.load * np.maximum(uneven, 0.0))
 
 
+def heavy_side(model, place, size, _rng):
+    """Let all axle ends of one side be heavier."""
+    where = all_ends_of(model, place['side'])
+    return model._replace(mass=changed(model.mass, where, lambda v: v * size['factor']))
+
+
+def half_loaded(model, _place, size, _rng):
+    """Let passengers step off before the top: the load's stretch ends ``early_m`` sooner."""
+    return model._replace(load_to=model.load_to - size['early_m'])
+
+
+def thick_grease(model, _place, size, _rng):
+    """Let every roller's viscous drag be ``factor`` times as large."""
+    return model._replace(viscous=model.viscous * size['factor'])
+
+
+def damped_links(model, _place, size, _rng):
+    """Let every link be damped ``factor`` times as strongly."""
+    return model._replace(link_c=model.link_c * size['factor'])
+
+
+def lower_landing(model, _place, size, _rng):
+    """Lay the lower landing longer by ``delta_m``."""
+    return with_landings(model, lower_m=size['delta_m'])
+
+
+def short_dogs(model, _place, size, _rng):
+    """Let the rack take hold later and let go earlier by ``short_m``."""
+    return model._replace(
+        drive_from=model.drive_from + size['short_m'], drive_to=model.drive_to - size['short_m']
+    )
+
+
 UNLISTED: dict[str, Alter] = {
     'unlisted_stiffening_spring': stiffening_spring,
     'unlisted_rubbing_brake': rubbing_brake,
@@ -215,4 +249,10 @@ UNLISTED: dict[str, Alter] = {
     'unlisted_heavy_carriage': heavy_carriage,
     'unlisted_warming_grease': warming_grease,
     'unlisted_uneven_loads': uneven_loads,
+    'unlisted_heavy_side': heavy_side,
+    'unlisted_half_loaded': half_loaded,
+    'unlisted_thick_grease': thick_grease,
+    'unlisted_damped_links': damped_links,
+    'unlisted_lower_landing': lower_landing,
+    'unlisted_short_dogs': short_dogs,
 }

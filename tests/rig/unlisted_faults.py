@@ -90,6 +90,41 @@ def drifting_accelerometer(signals, place, size, _rng):
     return with_axis(signals, place['axis'], lambda one: one + size['drift_m_s2'] * part)
 
 
+def noisy_bridge(signals, place, size, rng):
+    """Let one link's bridge amplifier be noisy."""
+    return with_strain(
+        signals, place['link'], lambda one: one + size['strain'] * rng.standard_normal(one.shape)
+    )
+
+
+def coarse_bridge(signals, place, size, _rng):
+    """Let one link's converter have lost its lowest bits."""
+    step = size['strain']
+    return with_strain(signals, place['link'], lambda one: step * np.round(one / step))
+
+
+def bent_reflex(signals, _place, size, _rng):
+    """Let the reflex sensor tell more the farther the carriage is out, ``per_m`` of it."""
+    motion = signals.displacement - signals.displacement.mean()
+    return replace(signals, displacement=signals.displacement + size['per_m'] * motion**2)
+
+
+def slow_accelerometer(signals, _place, size, _rng):
+    """Let the accelerometer's filter be a first-order low-pass of ``corner_hz``."""
+    step_s = float(np.median(np.diff(signals.onboard_s)))
+    share = 1.0 - np.exp(-2.0 * np.pi * size['corner_hz'] * step_s)
+    seen = signals.acceleration.copy()
+    for i in range(1, len(seen)):
+        seen[i] = seen[i - 1] + share * (seen[i] - seen[i - 1])
+    return replace(signals, acceleration=seen)
+
+
+def humming_accelerometer(signals, place, size, _rng):
+    """Let a loose cable sing on one axis of the accelerometer."""
+    tone = np.sin(2.0 * np.pi * size['frequency_hz'] * signals.onboard_s)
+    return with_axis(signals, place['axis'], lambda one: one + size['amplitude_m_s2'] * tone)
+
+
 UNLISTED_FAULTS: dict[str, Fault] = {
     'unlisted_crosstalk': Fault(signals=crosstalk),
     'unlisted_sticking_reflex': Fault(signals=sticking_reflex),
@@ -101,4 +136,9 @@ UNLISTED_FAULTS: dict[str, Fault] = {
     'unlisted_warming_gauges': Fault(signals=warming_gauges),
     'unlisted_drifting_reflex': Fault(signals=drifting_reflex),
     'unlisted_drifting_accelerometer': Fault(signals=drifting_accelerometer),
+    'unlisted_noisy_bridge': Fault(signals=noisy_bridge),
+    'unlisted_coarse_bridge': Fault(signals=coarse_bridge),
+    'unlisted_bent_reflex': Fault(signals=bent_reflex),
+    'unlisted_slow_accelerometer': Fault(signals=slow_accelerometer),
+    'unlisted_humming_accelerometer': Fault(signals=humming_accelerometer),
 }
