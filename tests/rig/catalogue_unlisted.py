@@ -109,7 +109,7 @@ NOT_LISTED: dict[str, Kind] = {
     'unlisted_heavy_side': Kind(with_side(of_machine(factor=either(1.15)), ONE_SIDE)),
     'unlisted_half_loaded': Kind(of_machine(early_m=times(3.0)), needs_load=True),
     'unlisted_thick_grease': Kind(of_machine(factor=lambda _rng, share: factor(8.0, share))),
-    'unlisted_damped_links': Kind(of_machine(factor=lambda _rng, share: factor(15.0, share))),
+    'unlisted_damped_links': Kind(of_machine(factor=lambda _rng, share: factor(2.5, share))),
     'unlisted_lower_landing': Kind(of_machine(delta_m=times(6e-3))),
     'unlisted_short_dogs': Kind(of_machine(short_m=times(0.08))),
     'unlisted_noisy_bridge': Kind(at_link(strain=times(6e-6))),
