@@ -169,6 +169,50 @@ def test_a_part_that_read_the_held_value_beside_the_standstill_is_not_dead(recor
     assert [f.kind for f in quality(held, MACHINE) if f.channel == LEFT_A] == ['data_gap']
 
 
+@pytest.mark.issue(6)
+@pytest.mark.parametrize('steps', [2.0, 40.0])
+def test_a_coarse_converter_is_no_fault_of_standing_still(recording, steps):
+    """A signal stands on one of a coarse converter's steps where it is slow: no gap, dead gauge, spike or clipping.
+
+    As it does on one of 40 standard deviations of its noise for seconds.
+    """
+    step = steps * 2.5e-7 * EA
+
+    def round_off(parts):
+        parts[:] = step * np.round(parts / step)
+
+    assert quality(with_parts(recording, LEFT_A, round_off), MACHINE) == []
+
+
+@pytest.mark.issue(6)
+def test_what_stands_still_is_told_of_a_coarse_converter_too(recording):
+    step = 40.0 * 2.5e-7 * EA
+
+    def die(parts):
+        parts[:] = step * np.round(parts / step)
+        parts[len(parts) // 4 :, 1] = parts[len(parts) // 4, 1]
+
+    findings = quality(with_parts(recording, LEFT_A, die), MACHINE)
+    (finding,) = [f for f in findings if f.kind != 'saturation']
+    assert finding.kind == 'gauge_dead'
+    assert finding.detail.startswith('part 2 of 4')
+
+
+@pytest.mark.issue(6)
+def test_a_smooth_channel_repeats_itself_and_does_not_stand_still(recording):
+    """Behind a slow filter a step's noise is a third of the converter's step."""
+    rng = np.random.default_rng(3)
+
+    def smooth(parts):
+        noise = np.convolve(rng.normal(0.0, 0.02, len(parts) + 79), np.ones(80) / 80.0, 'valid')
+        slow = 0.3 * np.sin(2.0 * np.pi * 0.1 * np.arange(len(parts)) / 200.0)
+        parts[:, 0] = 0.01 * np.round((slow + noise) / 0.01)
+
+    assert quality(with_parts(recording, Z, smooth), MACHINE) == []
+    assert longest_live_run(0.02, 0.01, 10**4, 0.25) == longest_live_run(0.02, 0.01, 10**4)
+    assert longest_live_run(0.02, 0.01, 10**4, 0.8) > 3 * longest_live_run(0.02, 0.01, 10**4)
+
+
 def test_saturation(recording):
     def clip(parts):
         np.clip(parts, -3.0, 3.5, out=parts)

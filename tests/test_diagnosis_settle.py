@@ -31,7 +31,10 @@ GAINED = {'channels': {'a/b': {}}, 'worse': (), 'significant': True, 'whole_low'
 def of_gauges(count):
     """Return a context of a machine with so many gauged links."""
     sensors = [SimpleNamespace(quantity='link_force')] * count
-    return SimpleNamespace(machine=SimpleNamespace(instruments=SimpleNamespace(sensors=sensors)))
+    return SimpleNamespace(
+        machine=SimpleNamespace(instruments=SimpleNamespace(sensors=sensors)),
+        responses=SimpleNamespace(base=SimpleNamespace(length_m=-24.4)),
+    )
 
 
 @pytest.fixture
@@ -122,6 +125,14 @@ def test_what_shows_in_a_step_is_doubted_beside_what_is_left_there(named):
 @pytest.mark.parametrize('held', [{'significant': False}, {'worse': ('a/b',)}])
 def test_without_gain_or_with_a_worse_channel_nothing_is_named(named, held):
     assert named(held=held) == set()
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(('end', 'expected'), [(16.0, {'guide_drag'}), (24.4, set())])
+def test_what_brakes_nearly_everywhere_is_no_stretch_s(named, end, expected):
+    place = {'s_from_m': 2.0, 's_to_m': end}
+    drag = Found(Proposal('guide_drag', place, {'force_N': 14.0}, 0.0), 0.96, {}, 9e3, ())
+    assert named(effects=(drag,)) == expected
 
 
 @pytest.mark.parametrize('gain', [-3.0, 0.0, 40.0])

@@ -22,6 +22,11 @@ STILL = 'the value stands still'
 SHORT, MORE = 'short gaps', 'more gaps of this kind'
 # Chance of calling a live signal still, for a whole recording.
 STILL_CHANCE = 1e-6
+# Share of samples that repeat the one before, beyond what the description gives, from which a channel is taken to be
+# coarser than described: twice what rounding a slow signal's noise adds to it.
+MORE_REPEATS = 0.1
+MOST_REPEATS = 0.99
+BUNCHED = 3.0  # times as long: a signal that is coarse repeats where it is slow, not by chance
 
 
 class Steps(NamedTuple):
@@ -158,14 +163,35 @@ def is_scattered(finding: Finding) -> bool:
     return any(text in finding.detail for text in (SHORT, MORE, NO_NUMBERS))
 
 
-def longest_live_run(noise: float, resolution: float, n: int) -> int:
+def longest_live_run(noise: float, resolution: float, n: int, repeats: float = 0.0) -> int:
     """Return how many equal values in a row a live, noisy signal may give.
 
     Two rounded samples of noise sigma agree with at most p = q / (sigma sqrt(2 pi)), the middle
     bin's share; n p^(k - 1) is the expected number of runs of k.
+
+    Parameters
+    ----------
+    noise, resolution : float
+        As described, in the same unit.
+    n : int
+        Samples.
+    repeats : float
+        Share of the samples that repeat the one before. Where that is more than the description gives, the
+        channel is coarser than described, or smoother: its own share counts, and it repeats in bunches.
     """
     p = min(max(resolution / (noise * np.sqrt(2.0 * np.pi)), 0.02), 0.8)
-    return 2 + int(np.ceil(np.log(STILL_CHANCE / max(n, 1)) / np.log(p)))
+    bunch = 1.0
+    if repeats > p + MORE_REPEATS:
+        p, bunch = min(repeats, MOST_REPEATS), BUNCHED
+    return 2 + int(np.ceil(bunch * np.log(STILL_CHANCE / max(n, 1)) / np.log(p)))
+
+
+def share_of_repeats(values: Floats, longest: int) -> float:
+    """Return which share of samples repeats the one before, runs of more than ``longest`` left out."""
+    is_same = np.diff(values) == 0.0
+    within = sum(end - begin for begin, end in still_runs(values, longest))
+    rest = len(is_same) - within
+    return float(np.sum(is_same) - within) / rest if rest > 0 else 0.0
 
 
 def still_runs(values: Floats, longest: int) -> list[tuple[int, int]]:

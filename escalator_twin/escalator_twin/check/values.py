@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from escalator_twin.check.gaps import longest_live_run, STILL, still_runs
+from escalator_twin.check.gaps import longest_live_run, share_of_repeats, STILL, still_runs
 from escalator_twin.machine import Sensor
 from escalator_twin.signals import Finding, Floats, Signal
 
@@ -28,6 +28,9 @@ HUM_LINE = 8.0
 TWIN_SLOPE = (0.5, 2.0)
 # A gauge that moves by less than this many times its noise where its twin moves is dead.
 DEAD_NOISE = 3.0
+FINEST = 0.01  # of a signal's changes: noise without a resolution changes by a sixtieth of itself
+MIN_CHANGES = 100  # that say so: fewer may be outliers of a dead channel
+HELD_S = 2.0  # a value that stands longer says nothing of how a live channel repeats
 MIN_LIVE = 1000  # samples of two gauges side by side that a judgement needs
 # Samples piled up at an extreme against the fullest of the next bins.
 CLIP_COUNT = 20
@@ -46,16 +49,31 @@ class Part(NamedTuple):
 def parts_of(signal: Signal, sensor: Sensor) -> list[Part]:
     """Return a channel's fields with their noise in the channel's unit.
 
-    Where the description gives no noise, that of the signal's second differences is taken.
+    Where the description gives no noise, that of the signal's second differences is taken; where the signal
+    is coarser than described, its own resolution.
     """
     parts = []
     for k in range(signal.parts.shape[1]):
         values = np.ascontiguousarray(signal.parts[:, k])
         noise = sensor.noise * abs(sensor.scale)
-        parts.append(
-            Part(values, noise or own_noise(values), sensor.resolution * abs(sensor.scale))
-        )
+        resolution = max(sensor.resolution * abs(sensor.scale), own_resolution(values))
+        parts.append(Part(values, noise or own_noise(values), resolution))
     return parts
+
+
+def own_resolution(values: Floats) -> float:
+    """Return by how little a signal ever changes: its resolution, where that is coarse beside its noise."""
+    changes = np.abs(np.diff(values))
+    changes = changes[changes > 0.0]
+    return float(np.quantile(changes, FINEST)) if len(changes) >= MIN_CHANGES else 0.0
+
+
+def is_coarse(part: Part) -> bool:
+    """Tell whether a signal's noise does not move it from one step of its resolution to the next.
+
+    How long it stands on one says how slow it is there, and nothing of whether it lives.
+    """
+    return part.resolution > part.noise * float(np.sqrt(2.0 * np.pi))
 
 
 def own_noise(values: Floats) -> float:
@@ -80,7 +98,7 @@ def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
         for k, part in enumerate(parts):
             # where the whole channel stands still, one part may have read that value a sample before
             spans = _spans(is_still[k] & ~all_still)
-            spans = [(a, b) for a, b in spans if b - a + 1 > _longest(part)]
+            spans = [(a, b) for a, b in spans if b - a + 1 > _longest(part, sensor)]
             if spans:
                 value = _field(part.values[spans[0][0]], sensor)
                 text = f'part {k + 1} of {len(parts)} reads a constant ({value:.4g})'
@@ -108,7 +126,7 @@ def _still(part: Part, sensor: Sensor) -> NDArray[np.bool_]:
     mask = np.zeros(len(part.values), dtype=bool)
     if part.noise <= 0.0 or (sensor.noise > 0.0 and _is_ideal(part)):
         return mask  # without noise a slow signal may well repeat itself
-    runs = still_runs(part.values, _longest(part))
+    runs = still_runs(part.values, _longest(part, sensor))
     for extreme in (part.values.min(), part.values.max()):
         at_extreme = [run for run in runs if part.values[run[0]] == extreme]
         if len(at_extreme) > 1:  # clipped there again and again: saturation
@@ -118,9 +136,12 @@ def _still(part: Part, sensor: Sensor) -> NDArray[np.bool_]:
     return mask
 
 
-def _longest(part: Part) -> int:
+def _longest(part: Part, sensor: Sensor) -> int:
     """Return how many equal values in a row live noise may give."""
-    return longest_live_run(part.noise, part.resolution, len(part.values))
+    if is_coarse(part):
+        return len(part.values) // 2
+    repeats = share_of_repeats(part.values, round(HELD_S * sensor.rate_hz))
+    return longest_live_run(part.noise, part.resolution, len(part.values), repeats)
 
 
 def _is_ideal(part: Part) -> bool:
@@ -167,7 +188,7 @@ def saturation(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     parts = parts_of(signal, sensor)
     for k, part in enumerate(parts):
         for sign, name in ((1.0, 'largest'), (-1.0, 'smallest')):
-            hit = _clipped(sign * part.values)
+            hit = None if is_coarse(part) else _clipped(sign * part.values)
             if hit is None:
                 continue
             which = f'part {k + 1} of {len(parts)}: ' if len(parts) > 1 else ''
