@@ -202,6 +202,12 @@ EXPECTED = [
     ('unlisted_warming_grease', {}, {'rate_1_s': 0.03}, 'force_left_a', 1.0),
     ('unlisted_uneven_loads', {}, {'sd': 0.3}, 'force_left_a', 2.0),
     ('unlisted_heavy_carriage', {}, {'mass_kg': 300.0}, 'u', 1e-5),
+    ('unlisted_heavy_side', {'side': 'left'}, {'factor': 1.15}, 'force_left_a', 5.0),
+    ('unlisted_half_loaded', {}, {'early_m': 3.0}, 'force_left_a', 50.0),
+    ('unlisted_thick_grease', {}, {'factor': 8.0}, 'force_left_a', 10.0),
+    ('unlisted_damped_links', {}, {'factor': 2.5}, 'force_left_a', 0.5),
+    ('unlisted_lower_landing', {}, {'delta_m': 6e-3}, 'force_left_a', 2.0),
+    ('unlisted_short_dogs', {}, {'short_m': 0.08}, 'u', 1e-5),
 ]
 
 
