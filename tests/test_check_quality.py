@@ -9,8 +9,9 @@ import pytest
 from escalator_twin import bagfile
 from escalator_twin.check import check, quality
 from escalator_twin.check.gaps import longest_live_run
+from escalator_twin.check.parts import own_noise
 from escalator_twin.check.spikes import independent
-from escalator_twin.check.values import own_noise, spike_mask
+from escalator_twin.check.values import spike_mask
 from escalator_twin.signals import Finding
 
 pytestmark = pytest.mark.issue(2)

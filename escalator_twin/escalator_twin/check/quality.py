@@ -7,7 +7,8 @@ from escalator_twin.check.clock import ClockComparison, compare_clocks
 from escalator_twin.check.drift import drifts
 from escalator_twin.check.gaps import edges, sampling
 from escalator_twin.check.spikes import find_hits, judge_hits
-from escalator_twin.check.values import hum, saturation, stillness
+from escalator_twin.check.still import stillness
+from escalator_twin.check.values import hum, saturation
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, Recording, Signal
 

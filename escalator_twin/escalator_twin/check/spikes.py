@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import poisson
 
-from escalator_twin.check.values import neighbourhood, Part, parts_of, spike_mask
+from escalator_twin.check.parts import Part, parts_of
+from escalator_twin.check.values import neighbourhood, spike_mask
 from escalator_twin.machine import Sensor
 from escalator_twin.signals import Finding, Floats, Nanoseconds, Signal
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.check.gaps import STILL
+from escalator_twin.check.parts import own_noise
 from escalator_twin.check.quality import is_beside
 from escalator_twin.check.spikes import outliers
-from escalator_twin.check.values import own_noise, stands_still
+from escalator_twin.check.still import stands_still
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, read_only, Recording, Signal
 

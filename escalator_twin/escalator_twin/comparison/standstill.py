@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from escalator_twin.check.values import own_noise
+from escalator_twin.check.parts import own_noise
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Finding, Floats, Recording, Signal
 
