@@ -171,7 +171,7 @@ def test_a_part_that_read_the_held_value_beside_the_standstill_is_not_dead(recor
 
 
 @pytest.mark.issue(6)
-@pytest.mark.parametrize('steps', [2.0, 40.0])
+@pytest.mark.parametrize('steps', [2.0, 40.0, 80.0])
 def test_a_coarse_converter_is_no_fault_of_standing_still(recording, steps):
     """A signal stands on one of a coarse converter's steps where it is slow: no gap, dead gauge, spike or clipping.
 
