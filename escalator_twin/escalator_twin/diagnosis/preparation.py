@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.comparison.locate import locate, Setting
-from escalator_twin.diagnosis.context import Beside, beside, Context, Nominal, quiet_chi2
+from escalator_twin.diagnosis.context import beside, Context, Nominal
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, RACKING, turn_all
 from escalator_twin.diagnosis.responses import (
@@ -16,13 +16,10 @@ from escalator_twin.diagnosis.responses import (
 )
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.diagnosis.tuning import tuned
-from escalator_twin.diagnosis.unexplained import gains_of, LEAST_GAUGES
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Recording
 
 WEAK = 2.0  # chi squared of one standard deviation
-# Tolerances of a gauge's gain: the median of four good ones is beyond in one recording of 3000.
-TOGETHER = 2.0
 
 
 def prepare(
@@ -44,7 +41,7 @@ def prepare(
     start = beside(context, steps=0)
     nominal = Nominal(start, context.responses)
     context = replace(context, weak=_weak(start.stage))
-    context, place = _tuned(context, start, jobs)
+    context, place = tuned(context, jobs=jobs, start=start)
     experiment = context.setting.experiment
     knobs = knobs_of(machine, experiment)
     turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)
@@ -52,21 +49,6 @@ def prepare(
         turned_machine, turned, context.responses.knobs, jobs, progress, context.begin
     )
     return replace(context, responses=responses, place=place, nominal=nominal)
-
-
-def _tuned(context: Context, start: Beside, jobs: int) -> tuple[Context, Beside]:
-    """Tune the tolerances; once more, with the gauges' gains held, where all gauges together read too much or too little.
-
-    Good gauges' gains are drawn one by one. All four low by five tolerances were a hollow of mass, preload and
-    landings, 379 of chi squared above where the tuning ended with the gains held (seed 9010, development).
-    """
-    found, place = tuned(context, jobs=jobs, start=start)
-    gains = gains_of(place)
-    if len(gains) < LEAST_GAUGES or abs(float(np.median(list(gains.values())))) < TOGETHER:
-        return found, place
-    other, there = tuned(context, jobs=jobs, start=start, held=tuple(gains))
-    there = beside(other, steps=1, start=there)
-    return (other, there) if quiet_chi2(there) < quiet_chi2(place) else (found, place)
 
 
 def _weak(stage: Stage) -> frozenset[str]:

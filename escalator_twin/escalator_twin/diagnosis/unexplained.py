@@ -122,13 +122,6 @@ def _creeps(place: Beside) -> bool:
     return any(abs(size) > EFFECT_TOLERANCES for size in creeps.values())
 
 
-def gains_of(place: Beside) -> dict[str, float]:
-    """Return the gains of the links' gauges by name, standard deviations."""
-    sensors = place.stage.machine.instruments.sensors
-    names = {f'{s.channel}/gain' for s in sensors if s.quantity == 'link_force'}
-    return {name: z for name, z in _whole(place).items() if name in names}
-
-
 def is_used_up(place: Beside, but: Container[str] = ()) -> bool:
     """Tell whether a tolerance that a cause stands for is fitted larger than a good machine has it.
 
