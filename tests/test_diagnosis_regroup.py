@@ -14,7 +14,7 @@ from escalator_twin.diagnosis.regroup import (
     carrying,
     is_scattered,
     regrouped,
-    UNEVEN,
+    UNEVEN_SHARE,
     unevenness,
 )
 from escalator_twin.diagnosis.verdict import Weighed
@@ -91,7 +91,7 @@ def test_loads_that_are_uneven_everywhere_are_told_from_one_load_on_some_steps(m
     # a few steps may stand for what else is there
     few = [DRAG, load(steps[:8], 1.0 + told)]
     assert not is_scattered(context, place, few)
-    assert (unevenness(context, place, few)[1] > UNEVEN) is (sd > 0.1)
+    assert (unevenness(context, place, few)[1] > UNEVEN_SHARE) is (sd > 0.1)
 
 
 @pytest.mark.parametrize('shares', [{0: 0.2, 1: 0.0}, {0: 0.0, 1: 0.2}])

@@ -9,7 +9,7 @@ from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import Earlier, hold_out
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.regroup import UNEVEN
+from escalator_twin.diagnosis.regroup import UNEVEN_SHARE
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
@@ -138,7 +138,7 @@ def settle(
             doubt *= DOUBT
         if not gained:
             doubt *= REFUSED
-        if uneven.get(k, 0.0) > UNEVEN or _is_everywhere(context, found):
+        if uneven.get(k, 0.0) > UNEVEN_SHARE or _is_everywhere(context, found):
             doubt *= DOUBT
         named.append((found, found.probability * factor * doubt))
     return named, held

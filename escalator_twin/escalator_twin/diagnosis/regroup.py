@@ -22,7 +22,7 @@ LOAD = 'load_distribution'
 # Of what a load's one factor explains: where its steps with loads of their own would explain so much more, they do not
 # carry one other load. Of three steps it was less than a hundred-thousandth, of loads that are uneven everywhere 0.06 to
 # 0.09 (development).
-UNEVEN = 0.03
+UNEVEN_SHARE = 0.03
 
 
 def regrouped(
@@ -101,7 +101,7 @@ def is_scattered(
     if not long:  # the twin need not run
         return False
     uneven = unevenness(context, place, effects, jobs)
-    return any(uneven.get(k, 0.0) > UNEVEN for k in long)
+    return any(uneven.get(k, 0.0) > UNEVEN_SHARE for k in long)
 
 
 def _of_single_steps(
