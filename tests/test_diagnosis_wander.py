@@ -10,7 +10,8 @@ from escalator_twin.diagnosis.floor import is_shaken
 from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_loop
 from escalator_twin.diagnosis.nuisance import make_nuisance, wander
 from escalator_twin.diagnosis.observation import Observation
-from escalator_twin.diagnosis.responses import find_knobs, Responses, WANDER
+from escalator_twin.diagnosis.responses import Responses
+from escalator_twin.diagnosis.tolerances import find_knobs, WANDER
 
 pytestmark = pytest.mark.issue(6)
 

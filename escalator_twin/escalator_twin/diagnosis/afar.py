@@ -12,10 +12,11 @@ from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.context import Beside, beside, Context, Nominal
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.free import freed, of_machine
+from escalator_twin.diagnosis.large_effects import find_far
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import taken_over
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.responses import find_far, tolerances_only
+from escalator_twin.diagnosis.responses import tolerances_only
 from escalator_twin.diagnosis.search import Search, search_all
 from escalator_twin.diagnosis.search_whole import far, stops, tolerances, whole
 from escalator_twin.diagnosis.unexplained import is_open, SIGMAS

@@ -15,13 +15,9 @@ from escalator_twin.diagnosis.loops import Begin, Frame, LOCAL, Origin
 from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.observation import Observation, observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted
-from escalator_twin.diagnosis.responses import (
-    find_knobs,
-    KNOB_STEP,
-    RAIL,
-    Responses,
-)
+from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.diagnosis.stage import make_stage, run_beside, Stage
+from escalator_twin.diagnosis.tolerances import find_knobs, KNOB_STEP, RAIL
 from escalator_twin.diagnosis.view import NO_PROBES, View
 from escalator_twin.diagnosis.whitening import make_whitener
 from escalator_twin.machine import Deviation, Machine

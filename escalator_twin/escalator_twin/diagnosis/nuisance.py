@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from escalator_twin.causes.imperfections import creep_shape
 from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.observation import Observation, slope_along
-from escalator_twin.diagnosis.responses import Responses, WANDER
+from escalator_twin.diagnosis.responses import Responses
+from escalator_twin.diagnosis.tolerances import WANDER
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
 

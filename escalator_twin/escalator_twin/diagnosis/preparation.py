@@ -10,10 +10,10 @@ from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.knobs import knobs_of, RACKING, turn_all
 from escalator_twin.diagnosis.responses import (
     find_responses,
-    Progress,
     Responses,
     tolerances_only,
 )
+from escalator_twin.diagnosis.simultaneous import Progress
 from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.machine import Machine

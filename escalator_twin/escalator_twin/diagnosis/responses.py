@@ -1,38 +1,26 @@
-"""What every tolerance and every cause does to the signals of one experiment, per loop."""
+"""What every cause does to the signals of one experiment, per loop."""
 
-from collections.abc import Callable, Container, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil, pi
-from typing import TypeVar
+from math import pi
 
 import numpy as np
 
-from escalator_twin.diagnosis.floor import is_shaken, SHAKING
-from escalator_twin.diagnosis.knobs import Knob, knobs_of
+from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.loops import (
     all_probes,
     Frame,
     Loop,
     Origin,
-    sensor_probes,
     simulate_loop,
 )
-from escalator_twin.diagnosis.rails import rail_columns
+from escalator_twin.diagnosis.simultaneous import Progress, run_all
+from escalator_twin.diagnosis.tolerances import Columns, find_knobs
 from escalator_twin.machine import Deviation, Machine
 from escalator_twin.physics import run
 from escalator_twin.signals import Experiment, Floats
 
-Columns = np.ndarray  # float32
-Ran = TypeVar('Ran')  # what a simulation is for
-Progress = Callable[[float, float], None]
-
-RAIL = 'rail/'  # before the number of a direction of `rail_columns`, beside the tolerances' names
-WANDER = 'wander'  # among the tolerances: what a share of the drive's speed does
-WANDER_STEP = 0.004  # of the speed: twice the largest wander of a good drive
-KNOB_STEP = 2.0  # standard deviations: far above what rattling rollers make of any change
-STOP_SHARES = (0.2, 0.5, 0.8)  # of the carriage's motion above its mean
 # Sizes at which a cause's response is taken: the reference of contracts.md, or half of it where
 # the reference is far from linear and smaller effects are asked for too.
 ALL_PLACES: dict[str, tuple[Deviation, float]] = {
@@ -59,26 +47,10 @@ WHOLE: dict[str, tuple[Deviation, float]] = {
     ),
     'load_offset': (Deviation('load_offset', {'left_share': 0.6}), 0.1),
 }
-# Where a small change says little about a large one: springs near a resonance, and whatever moves
-# the carriage by a good part of a pitch's polygon.
-FAR: tuple[tuple[str, str, float], ...] = (
-    ('tensioner_stiffness', 'factor', 1.4),
-    ('tensioner_stiffness', 'factor', 0.7),
-    ('tensioner_preload', 'factor', 1.25),
-    ('tensioner_preload', 'factor', 0.8),
-    ('drive_stiffness', 'factor', 0.25),
-    ('rolling_resistance', 'factor', 1.6),
-    ('rolling_resistance', 'factor', 0.6),
-    ('landing_length', 'delta_m', 6e-3),
-    ('landing_length', 'delta_m', -6e-3),
-)
-ECCENTRICITY_M, FLAT_M = 4e-4, 6e-4
-# Along the tread between the phases at which a flat spot is run. What it does changes slowly along the guide: told from
-# 23 of 46 phases it was off by 7 % in amplitude at 0.26 m/s, from 12 of 24 at 0.5 m/s by 10 %.
-SPOT_M = 0.0105
+ECCENTRICITY_M = 4e-4
 
 
-def _tread(cause: str, size: float, phase: float) -> Deviation:
+def tread(cause: str, size: float, phase: float) -> Deviation:
     key = 'amplitude_m' if cause == 'roller_eccentricity' else 'depth_m'
     place: dict[str, object] = {'axle': 0, 'side': 'left'}
     return Deviation(cause, {key: size, 'phase_rad': phase}, place)
@@ -155,7 +127,7 @@ def find_responses(
     tasks: dict[object, Callable[[], Loop]] = {}
 
     def cause_task(deviation: Deviation, size: float) -> Callable[[], Loop]:
-        return partial(_change, machine, experiment, base, frame, deviation, size)
+        return partial(change_of, machine, experiment, base, frame, deviation, size)
 
     for name, (deviation, size) in {**ALL_PLACES, **WHOLE}.items():
         if name in ('load_distribution', 'load_offset') and not is_loaded:
@@ -163,9 +135,9 @@ def find_responses(
         tasks[name] = cause_task(deviation, size)
     for k, phase in enumerate((0.5 * pi, 0.0)):
         tasks['eccentric', k] = cause_task(
-            _tread('roller_eccentricity', ECCENTRICITY_M, phase), ECCENTRICITY_M
+            tread('roller_eccentricity', ECCENTRICITY_M, phase), ECCENTRICITY_M
         )
-    found = _run(tasks, jobs, progress)
+    found = run_all(tasks, jobs, progress)
     return Responses(
         frame,
         base,
@@ -180,7 +152,7 @@ def find_responses(
     )
 
 
-def _change(
+def change_of(
     machine: Machine,
     experiment: Experiment,
     base: Loop,
@@ -194,44 +166,6 @@ def _change(
     if deviation.cause not in SHAKING:
         change[:, _shaken_columns(machine.chain.n_links)] = 0.0
     return replace(loop, columns=change)
-
-
-def find_far(
-    machine: Machine, experiment: Experiment, responses: Responses, jobs: int = 1
-) -> Responses:
-    """Simulate one loop for every cause whose small change says little about a large one.
-
-    Parameters
-    ----------
-    machine : Machine
-    experiment : Experiment
-        At the responses' speed.
-    responses : Responses
-        Of the same machine: its loop without a cause.
-    jobs : int
-
-    Returns
-    -------
-    responses : Responses
-        With ``far`` and ``stops``.
-    """
-    frame, base = responses.frame, responses.base
-    stops = _stop_levels(base)
-    tasks: dict[object, Callable[[], Loop]] = {}
-    for key in FAR:
-        name, parameter, value = key
-        place: dict[str, object] = {'which': 'upper'} if name == 'landing_length' else {}
-        deviation = Deviation(name, {parameter: value}, place)
-        tasks[key] = partial(_change, machine, experiment, base, frame, deviation)
-    for level in stops:
-        deviation = Deviation('tensioner_stop', {'displacement_m': level})
-        tasks[level] = partial(_change, machine, experiment, base, frame, deviation)
-    found = _run(tasks, jobs, None)
-    return replace(
-        responses,
-        far={key: found[key].columns for key in FAR},
-        stops={level: found[level].columns for level in stops},
-    )
 
 
 def tolerances_only(
@@ -248,132 +182,10 @@ def tolerances_only(
     )  # fmt: skip
 
 
-def find_knobs(
-    machine: Machine,
-    experiment: Experiment,
-    speed_m_s: float,
-    jobs: int = 1,
-    left_out: Container[str] = (),
-    step: float = KNOB_STEP,
-    with_rails: bool = True,
-    origin: Origin = None,
-) -> dict[str, Columns]:
-    """Simulate one loop for every tolerance of a machine with its deviations, for its rail and its speed.
-
-    A deviation that moves a resonance changes what the tolerances do. ``step``, in standard
-    deviations, is the tolerances' difference; ``origin`` is that of travel, see `simulate_loop`.
-    """
-    frame = Frame.of(machine, speed_m_s)
-    experiment = replace(experiment, set_speed_m_s=speed_m_s)
-    seen = sensor_probes(machine.instruments.sensors, machine.chain.n_links)
-    base = simulate_loop(machine, experiment, frame, seen, origin=origin)
-    shaken = [is_shaken(sensor) for sensor in machine.instruments.sensors]
-
-    def task(knob: Knob) -> Callable[[], Columns]:
-        def work() -> Columns:
-            turned, setting = knob.turn(machine, experiment, step)
-            loop = simulate_loop(turned, setting, frame, seen, (), base.rack_m)
-            change: Columns = (loop.columns - base.columns) / np.float32(step)
-            change[:, shaken] = 0.0
-            return change
-
-        return work
-
-    def at(share: float) -> Callable[[], Columns]:
-        def work() -> Columns:
-            faster = replace(frame, speed_m_s=speed_m_s * (1.0 + share))
-            setting = replace(experiment, set_speed_m_s=faster.speed_m_s)
-            return simulate_loop(machine, setting, faster, seen, (), base.rack_m).columns
-
-        return work
-
-    knobs = [knob for knob in knobs_of(machine, experiment) if knob.name not in left_out]
-    tasks: dict[object, Callable[[], Columns]] = {knob.name: task(knob) for knob in knobs}
-    tasks |= {f'{WANDER}/{way}': at(way * WANDER_STEP) for way in (-1, 1)}
-    found = _run(tasks, jobs, None)
-    columns = {knob.name: found[knob.name] for knob in knobs}
-    hurried = (found[f'{WANDER}/1'] - found[f'{WANDER}/-1']) / np.float32(2.0 * WANDER_STEP)
-    hurried[:, shaken] = 0.0
-    columns[WANDER] = hurried
-    if not with_rails:
-        return columns
-    rails = rail_columns(machine, experiment, frame, jobs, base.rack_m)
-    return {
-        **columns,
-        **{f'{RAIL}{k}': rails[:, :, k] for k in range(rails.shape[2])},
-    }
-
-
-def find_flats(
-    machine: Machine, experiment: Experiment, responses: Responses, jobs: int = 1
-) -> tuple[Columns, Floats]:
-    """Simulate one loop for a flat spot of the first roller at every phase.
-
-    Parameters
-    ----------
-    machine : Machine
-        With its tolerances turned.
-    experiment : Experiment
-    responses : Responses
-        Whose grid is taken, and from where travel is counted.
-    jobs : int
-        Simulations at a time.
-
-    Returns
-    -------
-    flats : (phases, n_loop, 1 + 5 n) float32
-        Per metre of depth, for phases of 0 to 2 pi. A spot's blows ring the chain at many times the turn's
-        frequency; fewer phases than the grid has points in a turn fold what it shows of that onto other orders:
-        see `unfolded`.
-    rolled : (n_loop + 1,) float64
-        Way that the roller has rolled at the grid's points, see `Loop`.
-    """
-    frame, every = responses.frame, all_probes()
-    experiment = replace(experiment, set_speed_m_s=frame.speed_m_s)
-    rack = responses.base.rack_m
-    # of this very machine: a difference of anything else would count as the spot's
-    base = simulate_loop(machine, experiment, frame, every, (), rack)
-    count = 2 * ceil(pi * responses.radius_m / max(frame.spacing_m, SPOT_M))
-    tasks: dict[object, Callable[[], Loop]] = {
-        k: partial(
-            _change, machine, experiment, base, frame,
-            _tread('roller_flat', FLAT_M, 2.0 * pi * k / count), FLAT_M,
-        )
-        for k in range(count)
-    }  # fmt: skip
-    found = _run(tasks, jobs, None)
-    rolled = found[0].rolled_m
-    assert rolled is not None, 'a machine with a flat spot is not the same after a pitch'
-    return np.stack([found[k].columns for k in range(count)]), rolled
-
-
 def _shaken_columns(n_links: int) -> list[int]:
     """Return where all steps' accelerations along x and z are, as ``all_probes`` orders them."""
     first = 1 + 2 * n_links
     return [first + axis * n_links + k for axis in (0, 2) for k in range(n_links)]
-
-
-def _stop_levels(base: Loop) -> list[float]:
-    """Return displacements of the carriage in the upper half of its motion, m."""
-    motion = base.columns[:, 0]
-    middle = 0.5 * float(motion.max() + motion.min())
-    return [middle + share * (float(motion.max()) - middle) for share in STOP_SHARES]
-
-
-def _run(
-    tasks: Mapping[object, Callable[[], Ran]], jobs: int, progress: Progress | None
-) -> dict[object, Ran]:
-    """Run tasks on threads; the compiled loop runs without Python's lock."""
-    done = 0
-    found: dict[object, Ran] = {}
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
-        futures = {key: pool.submit(task) for key, task in tasks.items()}
-        for key, future in futures.items():
-            found[key] = future.result()
-            done += 1
-            if progress is not None:
-                progress(done, len(tasks))
-    return found
 
 
 def at_sensors(

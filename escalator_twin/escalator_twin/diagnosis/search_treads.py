@@ -8,9 +8,10 @@ import numpy as np
 from scipy import fft
 
 from escalator_twin.diagnosis.knobs import turn_all
+from escalator_twin.diagnosis.large_effects import find_flats
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inner_products, score_groups
-from escalator_twin.diagnosis.responses import at_sensors, find_flats
+from escalator_twin.diagnosis.responses import at_sensors
 from escalator_twin.diagnosis.search import best, KEEP, Search, SIDES, wrapped
 from escalator_twin.signals import Floats
 
