@@ -9,8 +9,8 @@ import trials
 
 from escalator_twin.diagnosis.context import Beside
 from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.heldout import hold_out
-from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.proposals import Proposal

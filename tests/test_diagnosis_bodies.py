@@ -25,8 +25,8 @@ from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.diagnose import diagnose_recording
 from escalator_twin.diagnosis.floor import Floor, Level
 from escalator_twin.diagnosis.floor_file import read_floor, write_floor
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.knobs import knobs_of
-from escalator_twin.diagnosis.loops import Frame
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.proposals import false_fall, Proposal
 from escalator_twin.diagnosis.regression import fit

@@ -7,7 +7,7 @@ import pytest
 
 from escalator_twin.diagnosis import search_rails
 from escalator_twin.diagnosis.bumps import Bump, Bumps, mirrored
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
 from escalator_twin.diagnosis.search import Search

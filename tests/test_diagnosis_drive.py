@@ -8,7 +8,7 @@ import pytest
 
 from escalator_twin.diagnosis import fitting, waves
 from escalator_twin.diagnosis.drive import agreed, locks, refine_wave, Told, told_apart
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit
 from escalator_twin.diagnosis.stage import lateness_of, LATENESS_STEP_S

@@ -10,15 +10,12 @@ import trials
 
 from escalator_twin.diagnosis.context import Context, with_own_tolerances
 from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.grids import band_limited, Begin, Frame, rack_shift
 from escalator_twin.diagnosis.joint import JointFit
 from escalator_twin.diagnosis.knobs import knobs_of
 from escalator_twin.diagnosis.loops import (
     all_probes,
-    band_limited,
-    Begin,
     built,
-    Frame,
-    rack_shift,
     sensor_probes,
     simulate_loop,
     simulate_rails,

@@ -7,7 +7,7 @@ import pytest
 from scipy import fft
 import trials
 
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.observation import observe
 
 pytestmark = pytest.mark.issue(6)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 import trials
 
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.nuisance import rotations, TURNED
 from escalator_twin.diagnosis.observation import Observation
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trials
 
-from escalator_twin.diagnosis.loops import alike, Frame, sensor_probes, simulate_rails
+from escalator_twin.diagnosis.grids import Frame
+from escalator_twin.diagnosis.loops import alike, sensor_probes, simulate_rails
 from escalator_twin.diagnosis.rails import draw_rails, rail_columns
 from escalator_twin.machine import Deviation
 from escalator_twin.physics.survey import spectrum_of

@@ -8,7 +8,7 @@ import pytest
 from scipy.fft import dct
 
 from escalator_twin.diagnosis import search_rails, search_treads
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import fit, score_each
 from escalator_twin.diagnosis.search import Search, search_all, WORTH

@@ -7,7 +7,7 @@ import pytest
 import trials
 
 from escalator_twin.diagnosis.floor import Floor
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.nuisance import Nuisance
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.search_gauges import gains

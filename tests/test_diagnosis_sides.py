@@ -9,7 +9,7 @@ from scipy.special import expit
 from scipy.stats import norm
 
 from escalator_twin.diagnosis import sides
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trials
 
-from escalator_twin.diagnosis.loops import all_probes, Frame, sensor_probes, simulate_loop
+from escalator_twin.diagnosis.grids import Frame
+from escalator_twin.diagnosis.loops import all_probes, sensor_probes, simulate_loop
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.responses import Responses
 from escalator_twin.diagnosis.view import View

@@ -7,7 +7,8 @@ import pytest
 import trials
 
 from escalator_twin.diagnosis.floor import is_shaken
-from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_loop
+from escalator_twin.diagnosis.grids import Frame
+from escalator_twin.diagnosis.loops import sensor_probes, simulate_loop
 from escalator_twin.diagnosis.nuisance import make_nuisance, wander
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.diagnosis.responses import Responses

@@ -8,7 +8,7 @@ import pytest
 import trials
 
 from escalator_twin.diagnosis.floor import is_shaken
-from escalator_twin.diagnosis.loops import band_limited
+from escalator_twin.diagnosis.grids import band_limited
 from escalator_twin.machine import Deviation, load_machine, Machine
 from escalator_twin.physics.periodic import is_uniform, run_periodic
 from escalator_twin.physics.rollout import Simulation

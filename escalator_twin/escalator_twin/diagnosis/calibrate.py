@@ -33,7 +33,7 @@ from escalator_twin.diagnosis.floor import (
     measure_level,
 )
 from escalator_twin.diagnosis.floor_file import own_floor, write_floor
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.preparation import prepare, prepare_tolerances
 from escalator_twin.diagnosis.proposals import false_fall
 from escalator_twin.diagnosis.responses import ALL_PLACES

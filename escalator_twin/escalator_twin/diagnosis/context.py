@@ -10,8 +10,9 @@ from escalator_twin.comparison.exchanged import exchanged
 from escalator_twin.comparison.judge import judge, Judgement
 from escalator_twin.comparison.locate import Setting
 from escalator_twin.diagnosis.floor import Floor
+from escalator_twin.diagnosis.grids import Begin, Frame, Origin
 from escalator_twin.diagnosis.knobs import knobs_of, turn_all
-from escalator_twin.diagnosis.loops import Begin, Frame, LOCAL, Origin
+from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.observation import Observation, observe, on_grid
 from escalator_twin.diagnosis.regression import Fitted

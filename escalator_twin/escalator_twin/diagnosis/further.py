@@ -8,7 +8,8 @@ from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.floor import is_shaken
 from escalator_twin.diagnosis.free import of_machine
-from escalator_twin.diagnosis.loops import Frame, sensor_probes, simulate_loop
+from escalator_twin.diagnosis.grids import Frame
+from escalator_twin.diagnosis.loops import sensor_probes, simulate_loop
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.errors import EscalatorError

@@ -7,11 +7,8 @@ from math import ceil, pi
 
 import numpy as np
 
-from escalator_twin.diagnosis.loops import (
-    all_probes,
-    Loop,
-    simulate_loop,
-)
+from escalator_twin.diagnosis.grids import Loop
+from escalator_twin.diagnosis.loops import all_probes, simulate_loop
 from escalator_twin.diagnosis.responses import change_of, Responses, tread
 from escalator_twin.diagnosis.simultaneous import run_all
 from escalator_twin.diagnosis.tolerances import Columns

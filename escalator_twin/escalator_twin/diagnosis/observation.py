@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from escalator_twin.comparison.judge import Judgement
 from escalator_twin.comparison.locate import Setting
-from escalator_twin.diagnosis.loops import band_limited, Frame
+from escalator_twin.diagnosis.grids import band_limited, Frame
 from escalator_twin.machine import Machine
 from escalator_twin.physics.rollout import Trace
 from escalator_twin.signals import Floats

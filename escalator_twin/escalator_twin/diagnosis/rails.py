@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from escalator_twin.diagnosis.loops import alike, Frame, Origin, sensor_probes, simulate_rails
+from escalator_twin.diagnosis.grids import Frame, Origin
+from escalator_twin.diagnosis.loops import alike, sensor_probes, simulate_rails
 from escalator_twin.diagnosis.whitening import sensor_variance
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.physics.path import build_path

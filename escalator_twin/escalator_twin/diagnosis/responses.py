@@ -8,13 +8,8 @@ from math import pi
 import numpy as np
 
 from escalator_twin.diagnosis.floor import SHAKING
-from escalator_twin.diagnosis.loops import (
-    all_probes,
-    Frame,
-    Loop,
-    Origin,
-    simulate_loop,
-)
+from escalator_twin.diagnosis.grids import Frame, Loop, Origin
+from escalator_twin.diagnosis.loops import all_probes, simulate_loop
 from escalator_twin.diagnosis.simultaneous import Progress, run_all
 from escalator_twin.diagnosis.tolerances import Columns, find_knobs
 from escalator_twin.machine import Deviation, Machine

@@ -9,8 +9,8 @@ from scipy import fft
 
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import RATE_HZ
+from escalator_twin.diagnosis.grids import BAND_HZ
 from escalator_twin.diagnosis.knobs import turn_all
-from escalator_twin.diagnosis.loops import BAND_HZ
 from escalator_twin.diagnosis.observation import slope_along
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each, score_groups

@@ -8,7 +8,7 @@ import numpy as np
 
 from escalator_twin.causes.guide_step import LENGTH_M
 from escalator_twin.diagnosis.bumps import Bump, Bumps
-from escalator_twin.diagnosis.loops import band_limited
+from escalator_twin.diagnosis.grids import band_limited
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import score_each
 from escalator_twin.diagnosis.scan import as_run

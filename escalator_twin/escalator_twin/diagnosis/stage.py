@@ -7,8 +7,9 @@ import numpy as np
 from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import RATE_HZ, Setting
 from escalator_twin.diagnosis.floor import is_shaken, SHAKING
+from escalator_twin.diagnosis.grids import rack_shift
 from escalator_twin.diagnosis.knobs import Knob, knobs_of, turn_all
-from escalator_twin.diagnosis.loops import alike, built, rack_shift
+from escalator_twin.diagnosis.loops import alike, built
 from escalator_twin.diagnosis.nuisance import Nuisance, shifts
 from escalator_twin.diagnosis.observation import Observation, on_grid
 from escalator_twin.diagnosis.regression import fit, Fitted, swapped

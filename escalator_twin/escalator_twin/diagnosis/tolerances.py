@@ -6,13 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.diagnosis.floor import is_shaken
+from escalator_twin.diagnosis.grids import Frame, Origin
 from escalator_twin.diagnosis.knobs import Knob, knobs_of
-from escalator_twin.diagnosis.loops import (
-    Frame,
-    Origin,
-    sensor_probes,
-    simulate_loop,
-)
+from escalator_twin.diagnosis.loops import sensor_probes, simulate_loop
 from escalator_twin.diagnosis.rails import rail_columns
 from escalator_twin.diagnosis.simultaneous import run_all
 from escalator_twin.machine import Machine

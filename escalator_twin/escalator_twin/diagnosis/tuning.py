@@ -21,7 +21,7 @@ from escalator_twin.diagnosis.context import (
     quiet_chi2,
     with_own_tolerances,
 )
-from escalator_twin.diagnosis.loops import BAND_HZ
+from escalator_twin.diagnosis.grids import BAND_HZ
 from escalator_twin.diagnosis.nuisance import make_nuisance
 from escalator_twin.diagnosis.regression import fit_swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage

@@ -9,7 +9,7 @@ import numpy as np
 from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.drive import agreed, locks, refine_wave, Told
 from escalator_twin.diagnosis.free import FREED
-from escalator_twin.diagnosis.loops import Frame
+from escalator_twin.diagnosis.grids import Frame
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.tried import Tried

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import fft
 
 from escalator_twin.diagnosis.floor import Floor
-from escalator_twin.diagnosis.loops import BAND_HZ
+from escalator_twin.diagnosis.grids import BAND_HZ
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.machine import Machine, Sensor
 from escalator_twin.signals import Floats

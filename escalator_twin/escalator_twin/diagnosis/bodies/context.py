@@ -18,8 +18,8 @@ from escalator_twin.diagnosis.bodies.stage import BodyStage
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.floor import Floor
 from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.grids import Frame, Loop
 from escalator_twin.diagnosis.knobs import knobs_of
-from escalator_twin.diagnosis.loops import Frame, Loop
 from escalator_twin.diagnosis.nuisance import nuisance_of
 from escalator_twin.diagnosis.observation import observe, on_grid
 from escalator_twin.diagnosis.polish import Polished

@@ -12,7 +12,7 @@ from escalator_twin.causes.application import apply
 from escalator_twin.comparison.locate import MARGIN_M, RATE_HZ
 from escalator_twin.diagnosis.bodies.pitches import index_key
 from escalator_twin.diagnosis.bodies.running import part_of, run_part, STEPS
-from escalator_twin.diagnosis.loops import band_limited, Frame
+from escalator_twin.diagnosis.grids import band_limited, Frame
 from escalator_twin.diagnosis.observation import Observation
 from escalator_twin.machine import Deviation, Machine, Sensor
 from escalator_twin.physics.periodic import between
