@@ -6,19 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis.campaign import (
-    choose_scouts,
-    decide,
-    joint_gain,
-    pooled,
-    shared_by,
-    told_jointly,
-    union_of,
-)
+from escalator_twin.diagnosis.campaign import decide, pooled, union_of
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.jointly import joint_gain, told_jointly
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
+from escalator_twin.diagnosis.scouts import choose_scouts, shared_by
 from escalator_twin.diagnosis.verdict import Weighed
 from escalator_twin.signals import Experiment
 

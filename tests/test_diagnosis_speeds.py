@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from escalator_twin.causes import apply
-from escalator_twin.diagnosis.campaign import by_speed, Joint, told_jointly
+from escalator_twin.diagnosis.campaign import Joint
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.jointly import by_speed, told_jointly
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.speeds import law_of, Rolled
 from escalator_twin.machine import load_machine

@@ -8,22 +8,13 @@ from typing import Any, TypeVar
 
 from escalator_twin import bagfile
 from escalator_twin.comparison.locate import checked
-from escalator_twin.diagnosis.campaign import (
-    by_speed,
-    choose_scouts,
-    decide,
-    FIRST,
-    Joint,
-    joint_gain,
-    shared_by,
-    told_jointly,
-    union_of,
-)
+from escalator_twin.diagnosis.campaign import decide, Joint, union_of
 from escalator_twin.diagnosis.confirm import confirm_recording, Confirmed
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
 from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.free import any_local, of_machine
+from escalator_twin.diagnosis.jointly import by_speed, joint_gain, told_jointly
 from escalator_twin.diagnosis.leftovers import names_all, perhaps_of, repeated_by
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
@@ -35,6 +26,7 @@ from escalator_twin.diagnosis.recordings import (
     own_gain,
     searched_row,
 )
+from escalator_twin.diagnosis.scouts import choose_scouts, FIRST, shared_by
 from escalator_twin.diagnosis.speeds import KNOB, law_of
 from escalator_twin.diagnosis.suggested import NOTHING, Suggested
 from escalator_twin.diagnosis.together import (

@@ -9,14 +9,8 @@ from escalator_twin.machine import Machine
 from escalator_twin.signals import Floats
 
 BAND_HZ = 20.0  # of everything that diagnosis looks at
-# Of the simulations, which are many. Below ``BAND_HZ`` a link's force is off by 0.3 to 1 N against a
-# step of 0.25 ms, as much as the gauges' noise leaves open (tests/test_diagnosis_loops.py).
-STEP_S = 5e-3 / 3.0
 GRID_HZ = 50.0  # of the grids along travel, at the real speed
 RATE_HZ = 200.0  # of simulated records
-MARGIN_S = 1.0  # simulated beyond both ends of a loop: for the low-pass, and for the rack's dogs
-# Beyond both ends of a pitch, for the low-pass alone: exp(-12) is left of it.
-PITCH_MARGIN_S = 0.25
 FILTER_ORDER = 4
 
 

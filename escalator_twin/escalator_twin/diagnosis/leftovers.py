@@ -7,18 +7,13 @@ suggested to the recordings that are searched next, and named where they have it
 
 from collections.abc import Sequence
 
-from escalator_twin.diagnosis.campaign import (
-    LEAST_PART,
-    may_begin_with,
-    pooled,
-    SURE_SD,
-    union_of,
-)
+from escalator_twin.diagnosis.campaign import LEAST_PART, pooled, SURE_SD, union_of
 from escalator_twin.diagnosis.conclusion import NAMED
 from escalator_twin.diagnosis.diagnose import Diagnosis
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.scouts import may_begin_with
 from escalator_twin.diagnosis.telling import alternatives
 from escalator_twin.diagnosis.verdict import LAW_ERROR, neutral_of
 

@@ -16,12 +16,9 @@ from escalator_twin.diagnosis.grids import (
     band_limited,
     Frame,
     Loop,
-    MARGIN_S,
     Origin,
-    PITCH_MARGIN_S,
     RATE_HZ,
     shift_of,
-    STEP_S,
 )
 from escalator_twin.machine import Deviation, Machine, Sensor
 from escalator_twin.physics import run
@@ -30,6 +27,12 @@ from escalator_twin.physics.rollout import probe_of, Simulation
 from escalator_twin.signals import Experiment, Floats
 from escalator_twin.twin import make_folded
 
+# Of the simulations, which are many. Below ``BAND_HZ`` a link's force is off by 0.3 to 1 N against a
+# step of 0.25 ms, as much as the gauges' noise leaves open (tests/test_diagnosis_loops.py).
+STEP_S = 5e-3 / 3.0
+MARGIN_S = 1.0  # simulated beyond both ends of a loop: for the low-pass, and for the rack's dogs
+# Beyond both ends of a pitch, for the low-pass alone: exp(-12) is left of it.
+PITCH_MARGIN_S = 0.25
 # Causes bound to one link, axle or step, and waves of the drive: beside them the chain is no longer
 # the same after a pitch.
 LOCAL = frozenset({
