@@ -1,13 +1,14 @@
 """Rates over all unseen sets of docs/figures.md, pooled.
 
-    python -m benchmarks.pooled [docs/figures.md] [--since SEED]
+    python -m benchmarks.pooled [docs/figures.md] [--since SEED] [--causes docs/figures_causes.csv]
 
 Reads the table of sets and adds up its counts: prints one row a bar, with the 95 % interval by
-Clopper and Pearson. Each set was judged by the code of its day.
+Clopper and Pearson, then one a cause at the reference. Each set was judged by the code of its day.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+import csv
 from pathlib import Path
 import re
 
@@ -57,11 +58,41 @@ def lines_of(rows: list[list[str]]) -> list[str]:
     ]
 
 
+def of_causes(page: Path, seeds: Collection[str]) -> dict[str, Rate]:
+    """Return how often each cause was right at the reference, worst first, over some sets.
+
+    A row of the page has a set's seed, a cause, how many recordings held it and in how many it was right.
+    """
+    hits: dict[str, list[bool]] = {}
+    with page.open(encoding='utf-8', newline='') as file:
+        for row in csv.DictReader(file):
+            if row['seed'] in seeds:
+                n, right = int(row['recordings']), int(row['right'])
+                hits.setdefault(row['cause'], []).extend(k < right for k in range(n))
+    rates = {cause: Rate.of(told) for cause, told in hits.items()}
+    return dict(sorted(rates.items(), key=lambda r: (r[1].hits / r[1].trials, -r[1].trials, r[0])))
+
+
+def lines_of_causes(rates: dict[str, Rate]) -> list[str]:
+    """Return one row a cause that was missed, and one for all others together."""
+    missed = {cause: r for cause, r in rates.items() if r.hits < r.trials}
+    others = [r.trials for cause, r in rates.items() if cause not in missed]
+    rows = [
+        f'| `{cause}` | {r.hits} of {r.trials}, {100.0 * r.hits / r.trials:.0f} % '
+        f'({100.0 * r.low:.0f} to {100.0 * r.high:.0f}) |'
+        for cause, r in missed.items()
+    ]
+    if others:
+        rows.append(f'| {len(others)} others | all of {min(others)} to {max(others)} each |')
+    return rows
+
+
 def main() -> int:
     """Print the pooled rates."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('page', type=Path, nargs='?', default=Path('docs/figures.md'))
     parser.add_argument('--since', default=SINCE, help='first seed, by the order of the page')
+    parser.add_argument('--causes', type=Path, default=Path('docs/figures_causes.csv'))
     args = parser.parse_args()
     rows = list(rows_of(args.page.read_text(encoding='utf-8')))
     seeds = [row[0].split(',')[0] for row in rows]
@@ -70,6 +101,9 @@ def main() -> int:
     rows = rows[: seeds.index(args.since) + 1]  # the newest come first
     print(f'{len(rows)} sets, {seeds[0]} back to {args.since}')
     for line in lines_of(rows):
+        print(line)
+    print('\nby cause, at the reference (bar: each 60 %)')
+    for line in lines_of_causes(of_causes(args.causes, seeds[: len(rows)])):
         print(line)
     return 0
 
