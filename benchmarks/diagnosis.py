@@ -157,6 +157,7 @@ def told(name: str, outcome: Outcome) -> dict[str, Any]:
         'size_errors': [round(error, 4) for error in outcome.size_errors],
         'intervals_hold': list(outcome.covered),
         'probability': outcome.belief[0] if outcome.belief else None,
+        'belief_right': outcome.belief[1] if outcome.belief else None,
         'seconds': outcome.seconds,
     }
 

@@ -1,9 +1,10 @@
 """Rates over all unseen sets of docs/figures.md, pooled.
 
-    python -m benchmarks.pooled [docs/figures.md] [--since SEED] [--causes docs/figures_causes.csv]
+    python -m benchmarks.pooled [docs/figures.md] [--since SEED] [--causes CSV] [--beliefs CSV]
 
 Reads the table of sets and adds up its counts: prints one row a bar, with the 95 % interval by
-Clopper and Pearson, then one a cause at the reference. Each set was judged by the code of its day.
+Clopper and Pearson, the calibration of the sets whose probabilities are kept, and one row a cause at
+the reference. Each set was judged by the code of its day.
 """
 
 import argparse
@@ -12,11 +13,14 @@ import csv
 from pathlib import Path
 import re
 
-from benchmarks.scoring import Rate
+import numpy as np
+
+from benchmarks.scoring import calibration, Rate
 
 COUNT = re.compile(r'(\d+) of (\d+)')
 # Columns of the table, from 0 on, and what their counts are of.
 REFERENCE, CLEAN, UNLISTED, THIRD, SIZES = 2, 3, 4, 5, 6
+DRAWS = 4000  # of statements that are as right as they say
 SINCE = '221101'  # the first set judged by a decision that is about today's
 
 
@@ -87,12 +91,29 @@ def lines_of_causes(rates: dict[str, Rate]) -> list[str]:
     return rows
 
 
+def calibration_line(page: Path) -> str:
+    """Return the calibration of the statements of a page, beside what chance makes of perfect ones."""
+    with page.open(encoding='utf-8', newline='') as file:
+        told = [(float(row['probability']), row['right'] == '1') for row in csv.DictReader(file)]
+    rng = np.random.default_rng(1)
+    drawn = rng.random((DRAWS, len(told))) < np.array([p for p, _ in told])
+    perfect = [
+        calibration([(p, bool(hit)) for (p, _), hit in zip(told, row, strict=True)]).error or 0.0
+        for row in drawn
+    ]
+    return (
+        f'| calibration (bar 0.07) | {calibration(told).error:.3f} of {len(told)} statements; as many that are as right '
+        f'as they say: {np.median(perfect):.3f} in the median, up to {np.quantile(perfect, 0.95):.3f} in 95 % |'
+    )
+
+
 def main() -> int:
     """Print the pooled rates."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('page', type=Path, nargs='?', default=Path('docs/figures.md'))
     parser.add_argument('--since', default=SINCE, help='first seed, by the order of the page')
     parser.add_argument('--causes', type=Path, default=Path('docs/figures_causes.csv'))
+    parser.add_argument('--beliefs', type=Path, default=Path('docs/figures_beliefs.csv'))
     args = parser.parse_args()
     rows = list(rows_of(args.page.read_text(encoding='utf-8')))
     seeds = [row[0].split(',')[0] for row in rows]
@@ -102,6 +123,7 @@ def main() -> int:
     print(f'{len(rows)} sets, {seeds[0]} back to {args.since}')
     for line in lines_of(rows):
         print(line)
+    print(calibration_line(args.beliefs))
     print('\nby cause, at the reference (bar: each 60 %)')
     for line in lines_of_causes(of_causes(args.causes, seeds[: len(rows)])):
         print(line)

@@ -11,6 +11,7 @@ from scipy.stats import norm
 from benchmarks.one_speed import BAR, named, NAMED_ON_CLEAN, RISE, SPEED_M_S, SPEEDS_M_S, TOLERANCE
 from benchmarks.one_speed import lines_of as lines_of_speed
 from benchmarks.pooled import (
+    calibration_line,
     counts,
     lines_of,
     lines_of_causes,
@@ -25,6 +26,7 @@ pytestmark = pytest.mark.issue(6)
 
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 PAGE, CAUSES = DOCS / 'figures.md', DOCS / 'figures_causes.csv'
+BELIEFS = DOCS / 'figures_beliefs.csv'
 
 
 def test_the_page_tells_what_its_table_says():
@@ -49,6 +51,14 @@ def test_causes_add_up_to_the_sets():
     assert {seed: (right[seed], asked[seed]) for seed in asked} == told
     rates = of_causes(CAUSES, sets).values()
     assert sum(r.trials for r in rates) == pooled(rows, REFERENCE).trials
+
+
+def test_the_page_tells_how_calibrated_the_kept_statements_are(tmp_path):
+    text = PAGE.read_text(encoding='utf-8')
+    assert calibration_line(BELIEFS) in text.splitlines()
+    sure = tmp_path / 'sure.csv'
+    sure.write_text('seed,probability,right\n' + '1,0.9,1\n' * 18 + '1,0.9,0\n' * 2)
+    assert '| 0.000 of 20 statements' in calibration_line(sure)
 
 
 def test_the_page_tells_every_cause_that_was_missed():
