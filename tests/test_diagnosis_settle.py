@@ -252,6 +252,30 @@ def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_name
     assert (rows[0][1] >= conclusion.NAMED) == is_named
 
 
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(
+    ('cause', 'parameters', 'significant', 'is_named'),
+    [
+        ('chain_elongation', {'length_m': 3.23e-5}, True, False),  # a soft side, told so
+        ('chain_elongation', {'length_m': 3.23e-5}, False, True),
+        ('chain_elongation', {'length_m': 4.7e-5}, True, True),  # a third
+        ('gauge_gain', {'factor': 1.02}, True, True),  # no part acts like a gauge
+    ],
+)
+def test_a_slight_effect_of_the_machine_is_not_named_beside_what_stays_open(
+    monkeypatch, cause, parameters, significant, is_named
+):
+    monkeypatch.setattr(conclusion, 'hold_out', lambda *_: SimpleNamespace(**GAINED))
+    effect = Found(Proposal(cause, {}, parameters, 9e3), 0.99, {}, 9e3, ())
+    walked = SimpleNamespace(
+        found=(effect,), after=None, stages=(),
+        before=SimpleNamespace(stage=SimpleNamespace(turned={})),
+    )  # fmt: skip
+    rest = Unexplained(significant, 0.04, 0.99, {})
+    rows, _ = conclusion.settle(of_gauges(4), walked, rest, 0)
+    assert (rows[0][1] >= conclusion.NAMED) == is_named
+
+
 @pytest.mark.issue(7)
 def test_an_effect_before_others_of_the_machine_is_asked_without_them(named):
     asked = []

@@ -10,8 +10,10 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.verdict import (
     FAR_SIZE,
+    size_in_nearest,
     size_in_references,
     size_in_tolerances,
+    SLIGHT_SIZE,
     weigh,
 )
 
@@ -164,11 +166,30 @@ def test_a_size_is_told_in_references(cause, parameters, times):
     assert found == pytest.approx(times, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ('cause', 'parameters', 'times'),
+    [
+        ('chain_elongation', {'length_m': 3.23e-5}, 0.215),  # of 0.15 mm
+        ('rolling_resistance', {'factor': 0.8}, 0.5),  # 0.2 of the 0.4 that 0.6 is away
+        ('rolling_resistance', {'factor': 1.3}, 0.5),  # of the 0.6 of 1.6
+        ('guide_step', {'height_m': -5e-4}, 1 / 3),  # the only reference is a rise
+        ('load_distribution', {'load_factor': 0.9}, 0.1),
+        ('tensioner_stop', {'displacement_m': 5e-3}, np.inf),  # without a size that may be none
+    ],
+)
+def test_a_size_is_told_in_the_reference_to_its_side(cause, parameters, times):
+    found = size_in_nearest(Proposal(cause, {}, parameters, 0.0))
+    assert found == pytest.approx(times, rel=0.01)
+
+
 def test_every_reference_is_within_what_a_cause_is_known_with():
     for cause in KNOWN.values():
         for reference in cause.references:
-            assert size_in_references(Proposal(cause.name, {}, dict(reference), 0.0)) <= 1.0
+            whole = Proposal(cause.name, {}, dict(reference), 0.0)
+            assert size_in_references(whole) <= 1.0
+            assert size_in_nearest(whole) >= 1.0
     assert FAR_SIZE > 2.0  # twice of it is drawn by the generator
+    assert SLIGHT_SIZE < 1 / 3  # the least for which there is a bar
 
 
 def stretch(tolerances, gain, places=4851, draws=98):

@@ -13,7 +13,12 @@ from escalator_twin.diagnosis.regroup import UNEVEN_SHARE
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.spread import with_reach
 from escalator_twin.diagnosis.unexplained import belief_beside, look, Unexplained
-from escalator_twin.diagnosis.verdict import FAR_SIZE, size_in_references
+from escalator_twin.diagnosis.verdict import (
+    FAR_SIZE,
+    size_in_nearest,
+    size_in_references,
+    SLIGHT_SIZE,
+)
 from escalator_twin.diagnosis.walk import LINKED
 from escalator_twin.diagnosis.walked import Bench, Walked
 from escalator_twin.errors import EscalatorError
@@ -37,6 +42,14 @@ def _has_other_gauges(machine: Machine) -> bool:
 def _is_far_out(found: Found) -> bool:
     """Tell whether an effect of the machine is larger than its law is known to hold."""
     return of_machine(found.proposal) and size_in_references(found.proposal) > FAR_SIZE
+
+
+def _is_slight(found: Found) -> bool:
+    """Tell whether an effect of the machine is smaller than bars are told for.
+
+    What is on no list and looks a little like a cause is fitted by a little of it, and leaves something open.
+    """
+    return of_machine(found.proposal) and size_in_nearest(found.proposal) < SLIGHT_SIZE
 
 
 def _is_everywhere(context: Context, found: Found) -> bool:
@@ -139,6 +152,8 @@ def settle(
         if not gained:
             doubt *= REFUSED
         if uneven.get(k, 0.0) > UNEVEN_SHARE or _is_everywhere(context, found):
+            doubt *= DOUBT
+        if rest.significant and _is_slight(found):
             doubt *= DOUBT
         named.append((found, found.probability * factor * doubt))
     return named, held

@@ -21,8 +21,10 @@ from escalator_twin.diagnosis.verdict import (
     FAR_SIZE,
     LAW_ERROR,
     NORMAL_95,
+    size_in_nearest,
     size_in_references,
     size_in_tolerances,
+    SLIGHT_SIZE,
     Weighed,
 )
 from escalator_twin.diagnosis.walked import Walked
@@ -223,6 +225,11 @@ def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
     if far > FAR_SIZE:
         against.append(
             f'its size is {far:.1f} times what the cause is known with: another may be at work'
+        )
+    near = size_in_nearest(weighed.proposal)
+    if near < SLIGHT_SIZE:
+        against.append(
+            f'its size is {near:.2f} times its reference: doubted beside what stays open'
         )
     if weighed.gain < best and best > 0.0:
         against.append(f'that is {weighed.gain / best:.0%} of what the accepted one explains')

@@ -30,6 +30,8 @@ PRIOR_BEYOND = 4.0
 # Times the reference from which a size is no longer this cause's: contracts.md lets bars hold at the
 # reference and asks for a third of it; twice is the most that the generator draws.
 FAR_SIZE = 3.0
+# Times the nearest reference below which a size is less than bars are told for: a third, measured a tenth too small.
+SLIGHT_SIZE = 0.3
 FAR_OUT = 300.0  # a square that no good instrument comes near, however many numbers it has
 LAW_ERROR = 0.02  # of a size: what the twin's law is off by, one standard deviation
 ALIKE = 3.0  # nats within which two causes cannot be told apart
@@ -98,6 +100,22 @@ def size_in_references(proposal: Proposal) -> float:
             float(abs(ways[0]) / np.abs(ways[1:]).max()) for ways in measures if np.any(ways[1:])
         ]
     return max(times)
+
+
+def size_in_nearest(proposal: Proposal) -> float:
+    """Return how many times the reference to its side of neutral a proposal's size is; infinity without one."""
+    cause = KNOWN[proposal.cause]
+    times = []
+    for parameter in cause.sizes:
+        name, neutral = parameter.name, parameter.neutral
+        if neutral is None or not np.isfinite(neutral) or name not in proposal.parameters:
+            continue
+        way = proposal.parameters[name] - neutral
+        ways = [row[name] - neutral for row in cause.references if name in row]
+        ways = [w for w in ways if w * way > 0.0] or [w for w in ways if w]
+        if ways:
+            times.append(abs(way) / min(map(abs, ways)))
+    return max(times, default=inf)
 
 
 RATIOS = {('drive_stiffness', 'factor'), ('link_stiffness', 'factor')}
