@@ -52,6 +52,23 @@ def test_a_rails_step_must_explain_more_than_a_rival_does_there(landing, expecte
     rival = Tried(LANDING, 200.0, {}, Polished(None, landing, (), ()))
     found = trial.shared(before, [step, rival])
     assert [t.gain for t in found] == [expected, 200.0]
+    # what was run once and not fitted shares as well: it outbid a preload that closed all (seed 9013)
+    run = Tried(step.proposal, 5_000.0, {}, falls=trial._falls(before, after.stage, after))
+    assert [t.gain for t in trial.shared(before, [run, rival])] == [expected, 200.0]
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize(
+    ('side', 's_m', 'is_fitted'),
+    [('both', 1.106, True), ('left', 1.106, False), ('both', 1.6, False)],
+)
+def test_a_step_that_was_fitted_is_not_weighed_as_it_was_run_too(side, s_m, is_fitted):
+    def step(side, s_m):
+        return Proposal('guide_step', {'side': side, 's_m': s_m}, {'height_m': 1e-3}, 2e4)
+
+    done = Tried(step('both', 1.108), 8e3, {}, Polished(None, Left(1.0, 1.0), (), ()))
+    assert trial._is_fitted(step(side, s_m), [done]) is is_fitted
+    assert not trial._is_fitted(step(side, s_m), [replace(done, polished=None)])
 
 
 @pytest.mark.parametrize(

@@ -23,12 +23,14 @@ from escalator_twin.diagnosis.frequencies import from_other_frequencies
 from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, tried_from_afar, Worth
 from escalator_twin.diagnosis.lengths import from_far
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.polish import Polished, WHOLE_STEPS
+from escalator_twin.diagnosis.polish import WHOLE_STEPS
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
+from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
 from escalator_twin.diagnosis.sides import across, other_sides, weighed_by_passages
+from escalator_twin.diagnosis.stage import Stage
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of, is_open
 from escalator_twin.diagnosis.waves import best_wave_alone, DRIVE, locked, pairs
@@ -116,7 +118,11 @@ def try_all(
             # what is small beside the tolerances shows beside the tuned ones alone
             unseen = [p for p in moving if CLOSE * p.gain > best]
             fitted_again += [_fitted_here(context, place, known, p, jobs, worth) for p in unseen]
-    rest = [plain(r) for r in refined if all(r is not one for one in leading)]
+    rest = [
+        replace(plain(r), falls=_falls(place, stage, r.fitted))
+        for r in refined
+        if all(r is not one for one in leading) and not _is_fitted(r.proposal, fitted_again)
+    ]
     weighed = weighed_by_passages(fitted_again)
     tried = shared(place, locked(context, place, weighed + rest, jobs))
     tried.sort(key=lambda t: -t.gain)
@@ -141,21 +147,37 @@ def shared(place: Beside, tried: Sequence[Tried]) -> list[Tried]:
     rivals = [t for t in tried if t.polished is not None and t.proposal.cause not in SHAKING]
 
     def fair(one: Tried) -> Tried:
-        if one.proposal.cause not in SHAKING or one.polished is None:
+        own = falls(one)
+        if one.proposal.cause not in SHAKING or own is None:
             return one
-        elsewhere, there = _falls(place, one.polished)
-        falls = [_falls(place, t.polished) for t in rivals if t.polished is not None]
-        explained = max((there for rest, there in falls if rest >= elsewhere), default=0.0)
+        elsewhere, there = own
+        others = [f for f in map(falls, rivals) if f is not None]
+        explained = max((there for rest, there in others if rest >= elsewhere), default=0.0)
         return replace(one, gain=one.gain - min(max(explained, 0.0), max(there, 0.0)))
+
+    def falls(one: Tried) -> tuple[float, float] | None:
+        if one.polished is None:
+            return one.falls
+        return _falls(place, one.polished.place.stage, one.polished.place.fitted)
 
     return [fair(one) for one in tried]
 
 
-def _falls(place: Beside, polished: Polished) -> tuple[float, float]:
+def _falls(place: Beside, stage: Stage, fitted: Fitted) -> tuple[float, float]:
     """Return the fall of chi squared in the channels that no rattling shakes, and in the others."""
-    rows = [(p.stage.judged(p.fitted), p.fitted.chi2) for p in (place, polished.place)]
-    (before, whole_before), (after, whole_after) = rows
+    before, whole_before = place.stage.judged(place.fitted), place.fitted.chi2
+    after, whole_after = stage.judged(fitted), fitted.chi2
     return before - after, (whole_before - before) - (whole_after - after)
+
+
+def _is_fitted(proposal: Proposal, fitted: Sequence[Tried]) -> bool:
+    """Tell whether a rail's step was fitted where one is proposed: what it gained when it was run says nothing more.
+
+    Of what was fitted a step's x and z are shared with rivals, and sides are weighed by their passages.
+    """
+    if proposal.cause not in PASSED:
+        return False
+    return any(t.polished is not None and same_place(t.proposal, proposal) for t in fitted)
 
 
 def _locked_better(known: Sequence[Proposal], tried: list[Tried], jobs: int) -> list[Tried]:

@@ -21,6 +21,9 @@ class Tried:
         Where it was fitted together with the tolerances and the known effects, these first.
     near : (float, float) or None
         Lowest and highest frequency of a frame that fits nearly as well, Hz, see `frequencies`.
+    falls : (float, float) or None
+        Of what was run and not fitted: the fall of chi squared in the channels that no rattling shakes, and
+        in the others.
     """
 
     proposal: Proposal
@@ -28,3 +31,4 @@ class Tried:
     sd: dict[str, float]
     polished: Polished | None = None
     near: tuple[float, float] | None = None
+    falls: tuple[float, float] | None = None
