@@ -389,3 +389,21 @@ def test_a_load_that_is_uneven_on_many_steps_ends_the_search(walked, is_scattere
         is_scattered=lambda _, __, effects: is_scattered and load in effects,
     )
     assert found == [load, drag][:rounds]
+
+
+@pytest.mark.issue(7)
+def test_the_rest_of_an_effect_found_later_is_fitted_as_one_with_it(walked):
+    # seed 9013 had named a preload of 0.82 and one of 0.89
+    first = Proposal('tensioner_preload', {}, {'factor': 0.82}, 6e3, fitted=('factor',))
+    rest = Proposal('tensioner_preload', {}, {'factor': 0.89}, 2e3, fitted=('factor',))
+    again = []
+
+    def fit(context, place, known, jobs):
+        again.append([k.parameters['factor'] for k in known])
+        return as_they_are(context, place, known, jobs)
+
+    rounds = iter([[first], [rest]])
+    (one,) = walked(lambda *_: next(rounds, []), again=fit)
+    assert one.parameters['factor'] == pytest.approx(0.82 * 0.89)
+    assert again[-1] == [one.parameters['factor']]
+    assert len(walked.stages) == 1

@@ -28,6 +28,7 @@ from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.further import decide_between
 from escalator_twin.diagnosis.hollows import out_of_hollow
 from escalator_twin.diagnosis.neighbours import at_neighbours
+from escalator_twin.diagnosis.once import told_once
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regroup import is_scattered, regrouped, unevenness
@@ -175,6 +176,12 @@ def walk(
             polished = bench.again(context, place, [*start, *(f.proposal for f in found)], jobs)
         context, place = polished.context, polished.place
         found = refitted(found, polished)
+        once = told_once(found)
+        if len(once) < len(found):
+            polished = bench.again(context, place, [*start, *(f.proposal for f in once)], jobs)
+            context, place = polished.context, polished.place
+            found = refitted(once, polished)
+            stages.pop()
         kept = without_remnants(found)
         if len(kept) < len(found):
             polished = bench.again(context, place, [*start, *(f.proposal for f in kept)], jobs)
