@@ -1,5 +1,6 @@
 """What is fitted with all else, how far it is fitted on, and what takes the place of what."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import inf
 from types import SimpleNamespace
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import fitting, polish, trial
+from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import Refined
@@ -382,3 +384,73 @@ def test_sides_of_a_rails_step_are_weighed_by_passages_before_the_best_is_chosen
     monkeypatch.setattr(trial, 'weighed_by_passages', weighed)
     found = trial.try_all(None, bench, (), [both.proposal], 1, None, lambda *_: True)
     assert [t.gain for t in found] == [950.0, 900.0]
+
+
+STEP = Proposal('guide_step', {'s_m': 1.1, 'side': 'left'}, {'height_m': -9e-4}, 2e4)
+PRELOAD = Proposal('tensioner_preload', {}, {'factor': 0.84}, 1.1e4)
+
+
+def leveled(quiet):
+    """Return a machine beside a recording, by what is left of it where nothing rattles."""
+    stage = SimpleNamespace(
+        judged=lambda fitted, *_: fitted.quiet, observation=SimpleNamespace(frame=None)
+    )
+    stage.lean = lambda _: stage
+    return SimpleNamespace(model=None, fitted=Left(quiet, 2.0 * quiet), stage=stage)
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize(
+    ('cause', 'gain', 'leads'),
+    [
+        ('guide_step', 13e3, True),  # 23 - 13 is less than the 12 that a step leaves
+        ('guide_step', 10e3, False),
+        ('guide_step', None, False),  # it does not run
+        ('roller_drag', 13e3, False),
+    ],
+)
+def test_what_leaves_less_from_afar_is_fitted_before_a_rails_steps(
+    monkeypatch, cause, gain, leads
+):
+    afar = Afar(None, leveled(23e3), [PRELOAD])
+    step = Refined(replace(STEP, cause=cause), None, Left(12e3, 3e4), 2e4, {}, None, ())
+    run = None if gain is None else SimpleNamespace(gain=gain)
+    monkeypatch.setattr(trial, 'refine', lambda *_: run)
+    with ThreadPoolExecutor(1) as pool:
+        assert trial._leads_from_afar(afar, leveled(18e3).stage, [step], pool) is leads
+        assert not trial._leads_from_afar(afar, leveled(18e3).stage, [], pool)
+        none = replace(afar, proposals=[])
+        assert not trial._leads_from_afar(none, leveled(18e3).stage, [step], pool)
+
+
+@pytest.mark.issue(7)
+@pytest.mark.parametrize(
+    ('leads', 'closes', 'order'),
+    [
+        (True, True, ['afar', []]),
+        (True, False, ['afar', ['guide_step']]),
+        (False, True, [['guide_step'], 'afar']),
+    ],
+)
+def test_what_closes_from_afar_spares_the_fits_of_a_rails_steps(monkeypatch, leads, closes, order):
+    place = leveled(18e3)
+    step = Refined(STEP, None, Left(12e3, 16e3), 2e4, {}, None, ())
+    done, preload = [], Tried(PRELOAD, 1.1e4, {}, Polished(None, leveled(7e3), (), ()))
+    given = {
+        'pairs': [], 'refine': step, '_leads_from_afar': leads, 'closes': closes, 'other_sides': [],
+    }  # fmt: skip
+    for name, result in given.items():
+        monkeypatch.setattr(trial, name, lambda *_, result=result: result)
+    monkeypatch.setattr(
+        trial, '_fitted_all', lambda *a: done.append([r.proposal.cause for r in a[3]]) or []
+    )
+    monkeypatch.setattr(trial, 'tried_from_afar', lambda *_: done.append('afar') or [preload])
+    for name in ('from_far', 'from_other_frequencies'):
+        monkeypatch.setattr(trial, name, lambda *a: a[3])
+    monkeypatch.setattr(trial, 'weighed_by_passages', lambda tried: tried)
+    for name in ('locked', '_settled'):
+        monkeypatch.setattr(trial, name, lambda *a: a[2])
+    afar = Afar(None, leveled(23e3), [PRELOAD])
+    found = trial.try_all(SimpleNamespace(floor=None), place, (), [STEP], 1, afar, lambda *_: True)
+    assert done == order
+    assert found[0] is preload  # explains eleven of the step's twenty as well

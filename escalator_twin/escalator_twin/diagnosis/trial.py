@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from math import inf
 
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.closing import KICK_LEFT, MOST_LEFT, WHOLE_LEFT
+from escalator_twin.diagnosis.closing import closes, KICK_LEFT, MOST_LEFT, WHOLE_LEFT
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
 from escalator_twin.diagnosis.fitting import (
@@ -104,16 +105,21 @@ def try_all(
         close = [r for r in refined if r.gain > CLOSE * refined[0].gain]
         leading = _first_of_places(best_wave_alone(close))[:2]
         leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
-        fitted_again = _fitted_all(context, place, known, leading, jobs)
+        early: list[Tried] = []
+        if afar is not None and _leads_from_afar(afar, stage, leading, pool):
+            early = tried_from_afar(context, afar, place, known, (), moving, jobs, worth)
+            leading = [] if any(closes(t, context.floor) for t in early) else leading
+        fitted_again = early + _fitted_all(context, place, known, leading, jobs)
 
         def gain_of(proposal: Proposal) -> float:
             return max((p.gain for p in scored(stage, base, fitted, [proposal])), default=0.0)
 
         fitted_again += other_sides(place, known, refined, fitted_again, jobs, gain_of)
         if afar is not None:
-            fitted_again += tried_from_afar(
-                context, afar, place, known, fitted_again, moving, jobs, worth
-            )
+            if not early:
+                fitted_again += tried_from_afar(
+                    context, afar, place, known, fitted_again, moving, jobs, worth
+                )
             best = max((t.gain for t in fitted_again), default=0.0)
             # what is small beside the tolerances shows beside the tuned ones alone
             unseen = [p for p in moving if CLOSE * p.gain > best]
@@ -135,6 +141,29 @@ def try_all(
     # what else was off had been taken for either lock's: by 12 of chi squared that were 2 once it was fitted
     again = sorted(locked(context, place, settled, jobs), key=lambda t: -t.gain)
     return _locked_better(known, again, jobs)
+
+
+def _leads_from_afar(
+    afar: Afar,
+    stage: Stage,
+    leading: Sequence[Refined],
+    pool: ThreadPoolExecutor,
+) -> bool:
+    """Tell whether what is sought from afar leaves less, run once, than the rail's steps that lead here.
+
+    Before a tolerance is tuned to it. A step's fit takes longest, and the machine's other effects leave some of it
+    wherever rollers change tracks: beside a preload that closed all three of them took half of a search (seed 9013).
+    """
+    if not leading or any(r.proposal.cause not in PASSED for r in leading):
+        return False
+    here = min(stage.judged(r.fitted) for r in leading)
+    base = afar.place
+
+    def left_by(one: Proposal) -> float:
+        run = refine(base.stage, base.model, base.fitted, one, FIRST_STEPS)
+        return inf if run is None else base.stage.judged(base.fitted, one.cause) - run.gain
+
+    return min(pool.map(left_by, afar.proposals), default=inf) < here
 
 
 def shared(place: Beside, tried: Sequence[Tried]) -> list[Tried]:
