@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import fitting, polish, trial
+from escalator_twin.diagnosis import fairness, fitting, polish, trial
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -52,11 +52,11 @@ def test_a_rails_step_must_explain_more_than_a_rival_does_there(landing, expecte
     before, after = Left(1_000.0, 10_000.0), Left(900.0, 5_900.0)
     step = Tried(Proposal('guide_step', {}, {}, 0.0), 5_000.0, {}, Polished(None, after, (), ()))
     rival = Tried(LANDING, 200.0, {}, Polished(None, landing, (), ()))
-    found = trial.shared(before, [step, rival])
+    found = fairness.shared(before, [step, rival])
     assert [t.gain for t in found] == [expected, 200.0]
     # what was run once and not fitted shares as well: it outbid a preload that closed all (seed 9013)
-    run = Tried(step.proposal, 5_000.0, {}, falls=trial._falls(before, after.stage, after))
-    assert [t.gain for t in trial.shared(before, [run, rival])] == [expected, 200.0]
+    run = Tried(step.proposal, 5_000.0, {}, falls=fairness.falls_of(before, after.stage, after))
+    assert [t.gain for t in fairness.shared(before, [run, rival])] == [expected, 200.0]
 
 
 @pytest.mark.issue(7)
@@ -69,8 +69,8 @@ def test_a_step_that_was_fitted_is_not_weighed_as_it_was_run_too(side, s_m, is_f
         return Proposal('guide_step', {'side': side, 's_m': s_m}, {'height_m': 1e-3}, 2e4)
 
     done = Tried(step('both', 1.108), 8e3, {}, Polished(None, Left(1.0, 1.0), (), ()))
-    assert trial._is_fitted(step(side, s_m), [done]) is is_fitted
-    assert not trial._is_fitted(step(side, s_m), [replace(done, polished=None)])
+    assert fairness.is_fitted(step(side, s_m), [done]) is is_fitted
+    assert not fairness.is_fitted(step(side, s_m), [replace(done, polished=None)])
 
 
 @pytest.mark.parametrize(

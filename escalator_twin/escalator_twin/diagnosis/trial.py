@@ -9,6 +9,7 @@ from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.closing import closes, KICK_LEFT, MOST_LEFT, WHOLE_LEFT
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.drive import refine_drive
+from escalator_twin.diagnosis.fairness import falls_of, is_fitted, shared
 from escalator_twin.diagnosis.fitting import (
     approached,
     fitted_beside,
@@ -18,7 +19,7 @@ from escalator_twin.diagnosis.fitting import (
     plain,
     unturned,
 )
-from escalator_twin.diagnosis.floor import PASSED, SHAKING
+from escalator_twin.diagnosis.floor import PASSED
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.frequencies import from_other_frequencies
 from escalator_twin.diagnosis.from_afar import FIRST_STEPS, scanned, SCANS, tried_from_afar, Worth
@@ -27,7 +28,6 @@ from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import WHOLE_STEPS
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.refine import refine, Refined
-from escalator_twin.diagnosis.regression import Fitted
 from escalator_twin.diagnosis.scan import scored
 from escalator_twin.diagnosis.settling import led_whole
 from escalator_twin.diagnosis.sides import across, other_sides, weighed_by_passages
@@ -125,9 +125,9 @@ def try_all(
             unseen = [p for p in moving if CLOSE * p.gain > best]
             fitted_again += [_fitted_here(context, place, known, p, jobs, worth) for p in unseen]
     rest = [
-        replace(plain(r), falls=_falls(place, stage, r.fitted))
+        replace(plain(r), falls=falls_of(place, stage, r.fitted))
         for r in refined
-        if all(r is not one for one in leading) and not _is_fitted(r.proposal, fitted_again)
+        if all(r is not one for one in leading) and not is_fitted(r.proposal, fitted_again)
     ]
     weighed = weighed_by_passages(fitted_again)
     tried = shared(place, locked(context, place, weighed + rest, jobs))
@@ -164,49 +164,6 @@ def _leads_from_afar(
         return inf if run is None else base.stage.judged(base.fitted, one.cause) - run.gain
 
     return min(pool.map(left_by, afar.proposals), default=inf) < here
-
-
-def shared(place: Beside, tried: Sequence[Tried]) -> list[Tried]:
-    """Take from what acts on a step directly what a rival explains there as well.
-
-    Of most causes a step's x and z are not judged, since rattling rollers roll dice there, and of a
-    rail's step they are. But a landing that is longer by millimetres moves where rollers change tracks:
-    a rail's step there must explain more than that, where the landing explains as much elsewhere.
-    """
-    rivals = [t for t in tried if t.polished is not None and t.proposal.cause not in SHAKING]
-
-    def fair(one: Tried) -> Tried:
-        own = falls(one)
-        if one.proposal.cause not in SHAKING or own is None:
-            return one
-        elsewhere, there = own
-        others = [f for f in map(falls, rivals) if f is not None]
-        explained = max((there for rest, there in others if rest >= elsewhere), default=0.0)
-        return replace(one, gain=one.gain - min(max(explained, 0.0), max(there, 0.0)))
-
-    def falls(one: Tried) -> tuple[float, float] | None:
-        if one.polished is None:
-            return one.falls
-        return _falls(place, one.polished.place.stage, one.polished.place.fitted)
-
-    return [fair(one) for one in tried]
-
-
-def _falls(place: Beside, stage: Stage, fitted: Fitted) -> tuple[float, float]:
-    """Return the fall of chi squared in the channels that no rattling shakes, and in the others."""
-    before, whole_before = place.stage.judged(place.fitted), place.fitted.chi2
-    after, whole_after = stage.judged(fitted), fitted.chi2
-    return before - after, (whole_before - before) - (whole_after - after)
-
-
-def _is_fitted(proposal: Proposal, fitted: Sequence[Tried]) -> bool:
-    """Tell whether a rail's step was fitted where one is proposed: what it gained when it was run says nothing more.
-
-    Of what was fitted a step's x and z are shared with rivals, and sides are weighed by their passages.
-    """
-    if proposal.cause not in PASSED:
-        return False
-    return any(t.polished is not None and same_place(t.proposal, proposal) for t in fitted)
 
 
 def _locked_better(known: Sequence[Proposal], tried: list[Tried], jobs: int) -> list[Tried]:
