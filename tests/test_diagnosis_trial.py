@@ -454,3 +454,28 @@ def test_what_closes_from_afar_spares_the_fits_of_a_rails_steps(monkeypatch, lea
     found = trial.try_all(SimpleNamespace(floor=None), place, (), [STEP], 1, afar, lambda *_: True)
     assert done == order
     assert found[0] is preload  # explains eleven of the step's twenty as well
+
+
+@pytest.mark.issue(7)
+def test_of_a_step_that_was_fitted_as_the_leading_ones_other_side_one_is_weighed(monkeypatch):
+    place = leveled(18e3)
+    both = replace(STEP, location={'s_m': 1.102, 'side': 'both'}, gain=1.3e4)
+    runs = {
+        id(p): Refined(p, None, Left(12e3, 16e3), gain, {}, None, ())
+        for p, gain in ((STEP, 2.2e4), (both, 1.5e4))
+    }
+    fits = {
+        p.location['side']: Tried(p, 9e3, {}, Polished(None, leveled(11e3), (), ()))
+        for p in (STEP, both)
+    }
+    monkeypatch.setattr(trial, 'pairs', lambda *_: [])
+    monkeypatch.setattr(trial, 'refine', lambda *given: runs[id(given[3])])
+    monkeypatch.setattr(trial, '_fitted_all', lambda *_: [fits['left']])
+    monkeypatch.setattr(trial, 'other_sides', lambda *_: [fits['both']])
+    for name in ('from_far', 'from_other_frequencies'):
+        monkeypatch.setattr(trial, name, lambda *a: a[3])
+    monkeypatch.setattr(trial, 'weighed_by_passages', lambda tried: tried)
+    for name in ('locked', '_settled'):
+        monkeypatch.setattr(trial, name, lambda *a: a[2])
+    found = trial.try_all(None, place, (), [STEP, both], 1, None, lambda *_: True)
+    assert [t.polished is not None for t in found] == [True, True]
