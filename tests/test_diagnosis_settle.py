@@ -141,6 +141,39 @@ def test_a_candidate_is_told_where_nothing_was_accepted(gain):
     assert evidence_lines(weighed, 0.0)['for'][0] == f'chi squared falls by {gain:.0f}'
 
 
+@pytest.mark.issue(6)
+@pytest.mark.parametrize(
+    ('cause', 'parameters', 'is_doubted'),
+    [
+        ('chain_elongation', {'length_m': 3.23e-5}, True),
+        ('chain_elongation', {'length_m': 5e-5}, False),
+        ('gauge_gain', {'factor': 1.02}, False),
+    ],
+)
+def test_that_a_size_of_the_machine_is_slight_is_told_against_it(cause, parameters, is_doubted):
+    weighed = Weighed(Proposal(cause, {}, parameters, 9e3), 9e3, 0.0, 0.99)
+    against = evidence_lines(weighed, 0.0)['against']
+    assert any('times its reference' in line for line in against) is is_doubted
+
+
+@pytest.mark.issue(7)
+def test_an_effect_accepted_beside_a_stronger_one_is_not_told_as_its_rival():
+    strong, weak = FRICTION, found('truss_resonance', 2e3)
+    rival = Weighed(Proposal('step_mass', {'step': 3}, {'delta_kg': 2.0}, 1e3), 1e3, 0.0, 0.01)
+    rows = [
+        replace(f, rivals=(Weighed(f.proposal, f.gain, 0.0, 0.99), *more))
+        for f, more in ((strong, ()), (weak, (rival,)))
+    ]
+    walked = SimpleNamespace(weighed=(), found=tuple(rows))
+    told = candidates(walked, [(f, 0.99) for f in rows], ())
+    compared = {
+        row['cause']
+        for row in told
+        if any('the accepted one explains' in line for line in row['evidence']['against'])
+    }
+    assert compared == {'step_mass'}
+
+
 def test_a_remainder_that_nothing_explains_takes_all_names(named):
     assert named(significant=True, explained=0.2) == set()
 

@@ -12,6 +12,7 @@ from escalator_twin.diagnosis.contenders import ACCEPT
 from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.faults import Fault
 from escalator_twin.diagnosis.found import Found
+from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.further import decide_between, Further
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.scores import HeldOut
@@ -227,7 +228,7 @@ def evidence_lines(weighed: Weighed, best: float) -> dict[str, list[str]]:
             f'its size is {far:.1f} times what the cause is known with: another may be at work'
         )
     near = size_in_nearest(weighed.proposal)
-    if near < SLIGHT_SIZE:
+    if near < SLIGHT_SIZE and of_machine(weighed.proposal):
         against.append(
             f'its size is {near:.2f} times its reference: doubted beside what stays open'
         )
@@ -261,7 +262,8 @@ def candidates(
                 'cause': weighed.proposal.cause,
                 'location': _place(weighed.proposal),
                 'probability': probability,
-                'evidence': evidence_lines(weighed, best),
+                # what was accepted beside a stronger one is no rival of it
+                'evidence': evidence_lines(weighed, 0.0 if key in settled else best),
             }
 
     best = max((found.gain for found, _ in named), default=0.0)
