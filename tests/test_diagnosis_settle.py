@@ -272,17 +272,10 @@ def test_two_waves_fitted_together_keep_their_own_numbers():
     ],
 )
 def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_named(
-    monkeypatch, cause, parameters, is_named
+    named, cause, parameters, is_named
 ):
-    monkeypatch.setattr(conclusion, 'hold_out', lambda *_: SimpleNamespace(**GAINED))
     effect = Found(Proposal(cause, {}, parameters, 9e3), 0.99, {}, 9e3, ())
-    walked = SimpleNamespace(
-        found=(effect,), after=None, stages=(),
-        before=SimpleNamespace(stage=SimpleNamespace(turned={})),
-    )  # fmt: skip
-    rest = Unexplained(False, 0.0, 1.0, {})
-    rows, _ = conclusion.settle(of_gauges(4), walked, rest, 0)
-    assert (rows[0][1] >= conclusion.NAMED) == is_named
+    assert named(effects=(effect,)) == ({cause} if is_named else set())
 
 
 @pytest.mark.issue(6)
@@ -296,17 +289,10 @@ def test_a_size_far_beyond_what_a_cause_of_the_machine_is_known_with_is_not_name
     ],
 )
 def test_a_slight_effect_of_the_machine_is_not_named_beside_what_stays_open(
-    monkeypatch, cause, parameters, significant, is_named
+    named, cause, parameters, significant, is_named
 ):
-    monkeypatch.setattr(conclusion, 'hold_out', lambda *_: SimpleNamespace(**GAINED))
     effect = Found(Proposal(cause, {}, parameters, 9e3), 0.99, {}, 9e3, ())
-    walked = SimpleNamespace(
-        found=(effect,), after=None, stages=(),
-        before=SimpleNamespace(stage=SimpleNamespace(turned={})),
-    )  # fmt: skip
-    rest = Unexplained(significant, 0.04, 0.99, {})
-    rows, _ = conclusion.settle(of_gauges(4), walked, rest, 0)
-    assert (rows[0][1] >= conclusion.NAMED) == is_named
+    assert named(significant, 0.99, effects=(effect,)) == ({cause} if is_named else set())
 
 
 @pytest.mark.issue(7)
