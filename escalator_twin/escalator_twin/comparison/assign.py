@@ -87,21 +87,22 @@ def mend_by_model(
     for sensor in sensors:
         if sensor.channel in templates.columns:
             require_unit(sensor, *seen(sensor.channel, sensor.channel))
-    for sensor in sensors:
-        may_be = sensor.quantity in INVERTIBLE or (is_tied and sensor.quantity in WAVES)
-        if not may_be or sensor.channel not in templates.columns:
-            continue
-        if agreement(sensor.channel, sensor.channel) < -INVERTED_R2:
-            track = mended[sensor.channel]
-            mended[sensor.channel] = replace(track, values=-track.values)
-            findings.append(
-                _finding('axis_inverted', sensor.channel, track, 'reads with the wrong sign')
-            )
+    # First: half a loop apart, where one link is pulled up the other comes down, and what is another's seems turned.
+    comes_from: dict[str, str] = {}
     for one, other in _exchanged(sensors, agreement):
         a, b = mended[one], mended[other]
-        mended[one] = replace(b, channel=one)
-        mended[other] = replace(a, channel=other)
+        mended[one], mended[other] = replace(b, channel=one), replace(a, channel=other)
+        comes_from |= {one: other, other: one}
         findings.append(_finding('channel_swap', one, a, f'exchanged with {other}'))
+    for sensor in sensors:
+        channel = sensor.channel
+        may_be = sensor.quantity in INVERTIBLE or (is_tied and sensor.quantity in WAVES)
+        if not may_be or channel not in templates.columns:
+            continue
+        if agreement(comes_from.get(channel, channel), channel) < -INVERTED_R2:
+            track = mended[channel]
+            mended[channel] = replace(track, values=-track.values)
+            findings.append(_finding('axis_inverted', channel, track, 'reads with the wrong sign'))
     return mended, findings
 
 
@@ -184,15 +185,16 @@ def _followed(
 def _exchanged(
     sensors: list[Sensor], agreement: Callable[[str, str], float]
 ) -> list[tuple[str, str]]:
-    """Return pairs of channels of one kind that agree far better when exchanged."""
+    """Return pairs of channels of one kind that agree far better when exchanged, also than turned about both."""
     pairs = []
     for one, other in combinations([s for s in sensors if s.quantity == 'link_force'], 2):
         if one.unit != other.unit or one.rate_hz != other.rate_hz:
             continue
         a, b = one.channel, other.channel
-        straight = _left(agreement(a, a)) * _left(agreement(b, b))
+        own = agreement(a, a), agreement(b, b)
+        straight, turned = (_left(f(own[0])) * _left(f(own[1])) for f in (float, abs))
         crossed = _left(agreement(a, b)) * _left(agreement(b, a))
-        if crossed < EXCHANGED * straight:
+        if crossed < min(EXCHANGED * straight, turned):
             pairs.append((a, b))
     return pairs
 
