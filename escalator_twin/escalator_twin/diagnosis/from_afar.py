@@ -4,19 +4,25 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
+
+from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.closing import is_closed, is_done, is_hiding, is_local, is_riddle
 from escalator_twin.diagnosis.context import Beside, Context
-from escalator_twin.diagnosis.fitting import fitted_beside
+from escalator_twin.diagnosis.exchanges import exchanges, Start
+from escalator_twin.diagnosis.fitting import fitted_beside, of_machine_among
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.reach import at_reference, reaches
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.unexplained import beyond_tolerance
+from escalator_twin.diagnosis.unexplained import beyond_tolerance, excess_of
 from escalator_twin.diagnosis.verdict import neutral_of, size_in_tolerances
+from escalator_twin.errors import EscalatorError
 
 FIRST_STEPS = 1  # of a contender, before the best is known
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
@@ -77,6 +83,8 @@ def tried_from_afar(
         tried = [*fitted, *found]
         if known or is_riddle(place, tried, floor) or is_hiding(place, tried, floor):
             found += _at_edges(context, afar, place, known, tried, pool, jobs)
+        if is_riddle(place, [*fitted, *found], floor):
+            found += _exchanged(context, afar, place, known, pool, jobs, places)
     if all(t.gain <= 0.0 for t in [*fitted, *found] if t.polished is not None):
         found += _from_here(context, sought, place, known, jobs, is_worth)
     return found
@@ -153,7 +161,13 @@ def _tried_afar(
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if not is_far(r)]
-    return _fitted_afar(context, afar, place, known, leading, pool, jobs, places)
+    return _fitted_afar(context, afar, place, _beside(known, leading), pool, jobs, places)
+
+
+def _beside(
+    known: Sequence[Proposal], leading: Sequence[Refined]
+) -> list[tuple[Sequence[Proposal], Refined]]:
+    return [(known, one) for one in leading]
 
 
 def _apart(refined: Sequence[Refined]) -> list[Refined]:
@@ -192,37 +206,72 @@ def _at_edges(
     Beside nothing known whatever is wrong may turn a tolerance to its edge: then only where
     nothing else closes what is open, or nothing is and more is hidden than good machines hide.
     """
-    base = afar.place
+    base, open_ = afar.place, excess_of(place, context.floor)
     done = {t.proposal.cause for t in tried if t.polished is not None}
     edges = [e for e in afar.edges if e.cause not in done]
-    runs = pool.map(lambda p: refine(base.stage, base.model, base.fitted, p, 0), edges)
-    found = [r for r in runs if r is not None]
+
+    def run(edge: Proposal) -> Refined | None:
+        whole = refine(base.stage, base.model, base.fitted, at_reference(edge), 0)
+        if whole is None or not reaches(base, edge, whole.model, open_):
+            return None
+        return refine(base.stage, base.model, base.fitted, edge, 0)
+
+    found = [r for r in pool.map(run, edges) if r is not None]
     places = [place, *(t.polished.place for t in tried if t.polished is not None)]
-    return _fitted_afar(context, afar, place, known, found, pool, jobs, places)
+    return _fitted_afar(context, afar, place, _beside(known, found), pool, jobs, places)
+
+
+def _exchanged(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+    places: Sequence[Beside],
+) -> list[Tried]:
+    """Fit what may have been told as more or less of a known effect, see `exchanges`."""
+    base, open_ = afar.place, excess_of(place, context.floor)
+
+    def run(start: Start) -> tuple[tuple[Proposal, ...], Refined] | None:
+        back, further = start
+        machine = apply(context.machine, tuple(k.deviation for k in of_machine_among(back)))
+        try:
+            model = replace(base.stage, machine=machine).run((further.deviation,))
+        except EscalatorError:  # such a machine does not run
+            return None
+        if not reaches(base, further, model, open_):
+            return None
+        none = np.empty((len(base.fitted.white), 0), np.float32)
+        return back, Refined(further, model, base.fitted, 0.0, {}, none, ())
+
+    starts = exchanges(context.machine, context.setting.experiment, known)
+    begun = [start for start in pool.map(run, starts) if start is not None]
+    return _fitted_afar(context, afar, place, begun, pool, jobs, places)
 
 
 def _fitted_afar(
     context: Context,
     afar: Afar,
     place: Beside,
-    known: Sequence[Proposal],
-    leading: Sequence[Refined],
+    starts: Sequence[tuple[Sequence[Proposal], Refined]],
     pool: ThreadPoolExecutor,
     jobs: int,
     places: Sequence[Beside],
 ) -> list[Tried]:
     """Fit causes from the machine as described, no tolerance turned.
 
-    ``places`` are what others come down to: only what may come below the best of them is fitted to its end.
+    ``starts`` are known effects, each with the one that is fitted beside them. ``places`` are what others come
+    down to: only what may come below the best of them is fitted to its end.
     """
-    fitted = pool.map(
-        lambda r: fitted_beside(
-            afar.context, place, known, r, {}, jobs, _least(r.proposal.cause, places)
-        ),
-        leading,
-    )
+
+    def fit(start: tuple[Sequence[Proposal], Refined]) -> Tried:
+        known, one = start
+        level = _least(one.proposal.cause, places)
+        return fitted_beside(afar.context, place, known, one, {}, jobs, level)
+
     found = []
-    for tried in fitted:
+    for tried in pool.map(fit, starts):
         if tried.polished is not None:
             # from here on with what every other cause does
             knobs = tried.polished.context.responses.knobs

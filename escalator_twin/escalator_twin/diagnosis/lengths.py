@@ -19,7 +19,7 @@ from escalator_twin.diagnosis.refine import Refined
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of
 
-LENGTHS = ('chain_elongation',)
+LENGTHS = ('chain_elongation', 'landing_length')
 FAR_M = 1.2e-3  # of all links of a side together
 NEAR = 0.1  # of that: a fit takes it by itself
 
@@ -53,7 +53,7 @@ def from_far(
         return tried
     key = tried.proposal.fitted[0]
     size = tried.proposal.parameters[key]
-    step = FAR_M / context.machine.chain.n_links
+    step = FAR_M / (context.machine.chain.n_links if cause == 'chain_elongation' else 1)
 
     def fit(to: float) -> Tried:
         turned = replace(tried.proposal, parameters={**tried.proposal.parameters, key: to})
