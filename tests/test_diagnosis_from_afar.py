@@ -22,6 +22,15 @@ FRAME = Proposal('truss_resonance', {}, {'frequency_hz': 8.0}, 4e4)
 FRICTION = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
 
 
+@pytest.fixture(autouse=True)
+def all_reach(monkeypatch):
+    """Have every effect's reference be as large as what is open, and none told with another's length."""
+    monkeypatch.setattr(from_afar, 'excess_of', lambda *_: 0.0)
+    monkeypatch.setattr(from_afar, 'at_reference', lambda effect: effect)
+    monkeypatch.setattr(from_afar, 'reaches', lambda *_: True)
+    monkeypatch.setattr(from_afar, '_exchanged', lambda *_: [])
+
+
 @dataclass(frozen=True)
 class Held:
     """Of a context what is replaced in it."""
@@ -54,7 +63,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     monkeypatch, edges, known, is_open, hides, closes, fitted
 ):
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
+        proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
     done = []
     there = SimpleNamespace(
@@ -82,9 +91,9 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
 @pytest.mark.parametrize(('left', 'is_sought'), [(400.0, False), (600.0, True)])
 def test_beside_a_link_that_explains_most_nothing_is_sought_afar(monkeypatch, left, is_sought):
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
+        proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
     monkeypatch.setattr(closing, 'is_open', lambda *_: True)
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.fitted - 1e3)
     monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: False)
@@ -101,9 +110,9 @@ def test_beside_a_link_that_explains_most_nothing_is_sought_afar(monkeypatch, le
 def test_what_left_nearly_nothing_is_not_fitted_there_again(monkeypatch, left, fits):
     """Of 1000 that are open: below and above a two-hundredth."""
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
+        proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
     monkeypatch.setattr(closing, 'is_open', lambda *_: True)
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.left)
     place, there = (
@@ -134,9 +143,9 @@ def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
     monkeypatch, known, is_fitted
 ):
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
+        proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
     afar = Afar(None, leveled(2.6e3), [ROLLING])
     others = [leveled(1.4e3), leveled(1e3)]
     with ThreadPoolExecutor(1) as pool:
@@ -152,9 +161,9 @@ def test_a_frame_is_as_far_above_as_its_own_channels_say(monkeypatch, gain, is_f
     """What of a step's x and z a frame explains is beside what it leaves there, not beside nothing."""
     frame = replace(FRAME, gain=gain)
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain
+        proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[4])
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
     afar = Afar(None, leveled(1e4, 4e4), [frame])
     other = leveled(2e3, 1e4)
     with ThreadPoolExecutor(1) as pool:
@@ -190,7 +199,7 @@ def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypat
 
     for module in (trial, from_afar):
         monkeypatch.setattr(module, 'refine', lambda *given: SimpleNamespace(
-            proposal=given[3], gain=given[3].gain
+            proposal=given[3], gain=given[3].gain, model=None
         ))  # fmt: skip
         monkeypatch.setattr(module, 'fitted_beside', fitted_beside)
     monkeypatch.setitem(trial.SCANS, 'truss_resonance', scan)

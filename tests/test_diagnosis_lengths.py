@@ -1,4 +1,4 @@
-"""A chain's elongation is fitted on from where it is far longer and shorter."""
+"""A length is fitted on from where it is far longer and shorter."""
 
 from types import SimpleNamespace
 
@@ -20,8 +20,12 @@ def place(left):
     return SimpleNamespace(left=left, fitted=SimpleNamespace(white=np.zeros(4)), model=None)
 
 
+KEYS = {'landing_length': 'delta_m'}
+
+
 def tried(gain, left=10.0, size=1.3e-4, cause='chain_elongation', is_polished=True):
-    effect = Proposal(cause, {'side': 'left'}, {'length_m': size}, gain, fitted=('length_m',))
+    key = KEYS.get(cause, 'length_m')
+    effect = Proposal(cause, {'side': 'left'}, {key: size}, gain, fitted=(key,))
     fit = Polished(None, place(left), (effect,), ({},)) if is_polished else None
     return Tried(effect, gain, {}, fit)
 
@@ -30,12 +34,14 @@ def asked_of(monkeypatch, gains, one):
     asked = []
 
     def fit(_context, _place, known, refined, **_):
-        asked.append(refined.proposal.parameters['length_m'])
+        effect = refined.proposal
+        asked.append(effect.parameters[effect.fitted[0]])
         assert known == ()
-        return tried(gains[len(asked) - 1], size=asked[-1])
+        return tried(gains[len(asked) - 1], size=asked[-1], cause=effect.cause)
 
     monkeypatch.setattr(lengths, 'fitted_beside', fit)
     monkeypatch.setattr(lengths, 'excess_of', lambda place, _: place.left)
+    monkeypatch.setattr(lengths, 'closes', lambda tried, _: tried.polished.place.left < 5.0)
     return lengths.from_far(CONTEXT, place(1e3), (), one), asked
 
 
@@ -83,10 +89,23 @@ def test_the_crest_of_a_parabola(ends, crest):
     assert found == (None if crest is None else pytest.approx(crest, abs=0.01))
 
 
+def test_a_landing_is_turned_by_what_moves_rollers_as_far(monkeypatch):
+    """Of -6 mm beside a stop -3.7 were found, and -4.3 from 1.2 mm beside that (seed 9015, number 4)."""
+    one = tried(2.658e5, size=-3.7e-3, cause='landing_length')
+    found, asked = asked_of(monkeypatch, (2.678e5, 2.46e5, 2.6e5), one)
+    assert asked[:2] == pytest.approx([-2.5e-3, -4.9e-3])
+    assert found.gain == 2.678e5
+
+
 @pytest.mark.parametrize(
     'one',
-    [tried(8e3, left=300.0), tried(8e3, cause='landing_length'), tried(8e3, is_polished=False)],
-    ids=['explains little', 'no length of links', 'not fitted'],
+    [
+        tried(8e3, left=300.0),
+        tried(8e3, left=4.0, cause='landing_length'),
+        tried(8e3, cause='tensioner_stop'),
+        tried(8e3, is_polished=False),
+    ],
+    ids=['explains little', 'a landing that closes', 'no length', 'not fitted'],
 )
 def test_nothing_else_is_turned(monkeypatch, one):
     found, asked = asked_of(monkeypatch, (), one)
