@@ -50,7 +50,7 @@ def tension(machine, effects):
 
 @pytest.mark.parametrize('known', [CHAIN, PRELOAD, LANDING], ids=lambda p: p.cause)
 def test_the_chain_is_held_as_before(machine, known):
-    """By the running twin: to 0.2, as a polygon of longer links lets the carriage out a little farther than a line."""
+    """By the running twin: to a quarter, as a polygon of longer links lets the carriage out a little farther than a line."""
     before = tension(machine, [known])
     starts = exchanges(machine, CASE, [DRAG, known])
     assert len(starts) == 2
@@ -58,7 +58,7 @@ def test_the_chain_is_held_as_before(machine, known):
         assert back[0] is DRAG
         turned = tension(machine, [known, further]) - before
         assert abs(turned) > 30.0
-        assert abs(tension(machine, [back[1], further]) - before) < 0.2 * abs(turned)
+        assert abs(tension(machine, [back[1], further]) - before) < 0.25 * abs(turned)
 
 
 def test_a_chain_of_one_side_is_turned_back_twice_as_far(machine):
