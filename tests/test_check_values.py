@@ -8,9 +8,9 @@ import pytest
 from escalator_twin import bagfile
 from escalator_twin.check import quality
 from escalator_twin.check.gaps import longest_live_run
-from escalator_twin.check.parts import own_noise
+from escalator_twin.check.parts import own_noise, Part
 from escalator_twin.check.spikes import independent
-from escalator_twin.check.values import spike_mask
+from escalator_twin.check.values import _tone, spike_mask
 
 pytestmark = pytest.mark.issue(2)
 
@@ -229,3 +229,16 @@ def test_live_noise_stands_still_as_rarely_as_said():
 
 
 # the document
+
+
+@pytest.mark.issue(6)
+@pytest.mark.parametrize('hz', [49.93, 60.07])
+def test_a_tone_is_as_large_as_its_samples_say_whatever_their_clock(hz):
+    """Intervals of 4.9 and 5.15 ms: a grid by the most of them drifts past the samples."""
+    rng = np.random.default_rng(8)
+    time = np.cumsum(rng.permutation(np.repeat([4.9e-3, 5.15e-3], [12_000, 8_000])))
+    values = 6e-6 * np.sin(2.0 * np.pi * hz * time) + rng.normal(0.0, 2e-7, len(time))
+    frequency, amplitude, mains = _tone(Part(values, 2e-7, 0.0), time)
+    assert mains == round(hz, -1)
+    assert frequency == pytest.approx(hz, abs=1e-3)
+    assert amplitude == pytest.approx(6e-6, rel=0.01)

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from escalator_twin.check.parts import finding_of, in_field, is_coarse, Part, parts_of
 from escalator_twin.machine import Sensor
@@ -141,7 +142,31 @@ def _tone(part: Part, time_s: Floats) -> tuple[float, float, float] | None:
         shift, amplitude = _between_bins(spectrum, peak)
         if amplitude > max(HUM_NOISE * part.noise, HUM_LINE * float(spectrum[is_beside].max())):
             found.append((width * (peak + shift), amplitude, mains))
-    return max(found, key=lambda tone: tone[1], default=None)
+    if not found:
+        return None
+    near, _, mains = max(found, key=lambda tone: tone[1])
+    return (*_at_samples(part.values, time_s, near, width), mains)
+
+
+def _at_samples(
+    values: Floats, time_s: Floats, near_hz: float, width_hz: float
+) -> tuple[float, float]:
+    """Return frequency and amplitude of a tone by the samples themselves, to a bin's width to either side.
+
+    Between samples a straight line takes off a part of it: where the even grid drifts past them, 12 % of 60 Hz at 200 Hz.
+    """
+    part = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
+    window = np.sin(np.pi * part) ** 2
+    weighed = (values - values.mean()) * window
+
+    def amplitude(frequency_hz: float) -> float:
+        turn = np.exp(-2j * np.pi * frequency_hz * time_s)
+        return float(2.0 * np.abs(weighed @ turn) / window.sum())
+
+    best = optimize.minimize_scalar(
+        lambda f: -amplitude(f), bounds=(near_hz - width_hz, near_hz + width_hz), method='bounded'
+    )
+    return float(best.x), amplitude(float(best.x))
 
 
 def _between_bins(spectrum: Floats, peak: int) -> tuple[float, float]:
