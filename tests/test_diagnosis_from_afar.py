@@ -88,6 +88,41 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     assert done == fitted
 
 
+@pytest.mark.issue(6)
+@pytest.mark.parametrize('does', [True, False])
+def test_an_edge_that_cannot_be_what_is_open_is_not_fitted(monkeypatch, does):
+    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
+        proposal=given[3], gain=given[3].gain, model=None
+    ))  # fmt: skip
+    asked = []
+
+    def reaches(_place, effect, _model, excess):
+        asked.append((effect, excess))
+        return does
+
+    monkeypatch.setattr(from_afar, 'excess_of', lambda *_: 9e5)
+    monkeypatch.setattr(from_afar, 'reaches', reaches)
+    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
+    afar = Afar(None, leveled(1e4), [], (EDGE,))
+    pool = SimpleNamespace(map=map)
+    found = from_afar._at_edges(Held(None), afar, leveled(1e4), [], [], pool, 1)
+    assert [one.proposal for _, one in found] == ([EDGE] if does else [])
+    assert asked == [(EDGE, 9e5)]
+
+
+@pytest.mark.parametrize('riddle', [True, False])
+def test_effects_of_one_force_are_begun_together_where_nothing_explains_most(monkeypatch, riddle):
+    both = Tried(LANDING, 2e3, {}, None)
+    monkeypatch.setattr(from_afar, '_tried_afar', lambda *_: [])
+    monkeypatch.setattr(from_afar, '_at_edges', lambda *_: [])
+    monkeypatch.setattr(from_afar, '_exchanged', lambda *_: [both])
+    monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: riddle)
+    monkeypatch.setattr(from_afar, '_from_here', lambda *_: [])
+    afar = Afar(None, leveled(2e3), [])
+    found = from_afar.tried_from_afar(Held(None), afar, leveled(2e3), [FRICTION], [], [], 1)
+    assert found == ([both] if riddle else [])
+
+
 @pytest.mark.parametrize(('left', 'is_sought'), [(400.0, False), (600.0, True)])
 def test_beside_a_link_that_explains_most_nothing_is_sought_afar(monkeypatch, left, is_sought):
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
