@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import bounds, fitting, hollows
+from escalator_twin.diagnosis import bounds, fitting, hollows, seeking
 from escalator_twin.diagnosis import walk as module
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -182,8 +182,9 @@ def test_so_are_those_beside_what_is_known(monkeypatch, run, fitted_on, is_neare
 
 def is_open_beside_all(monkeypatch):
     monkeypatch.setattr(module, 'freed', lambda place, _: place)
-    monkeypatch.setattr(module, 'may_hide', lambda *_: False)
-    monkeypatch.setattr(module, 'is_in_one_gauge', lambda *_: False)
+    monkeypatch.setattr(seeking, 'may_hide', lambda *_: False)
+    for where in (module, seeking):
+        monkeypatch.setattr(where, 'is_in_one_gauge', lambda *_: False)
     monkeypatch.setattr(module, 'explained_by', lambda *_: 1.0)
     for name, value in {
         'is_open': True, 'is_stretched': False, 'is_used_up': False, 'excess_of': 2e4, 'fell_by': 1e9,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from escalator_twin.diagnosis import regroup, walk
+from escalator_twin.diagnosis import accepted, regroup
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -165,7 +165,7 @@ def test_a_step_stays_that_explains_more_than_choosing_it_costs():
 
 @pytest.mark.parametrize(('level', 'is_moved'), [(900.0, True), (1100.0, False)])
 def test_what_is_regrouped_stands_where_it_comes_nearer(monkeypatch, level, is_moved):
-    monkeypatch.setattr(walk, 'quiet_chi2', lambda place: place)
+    monkeypatch.setattr(accepted, 'quiet_chi2', lambda place: place)
     first, second = load([23, 24, 37]), load([23, 24])
     found = [
         Found(first, 0.99, {}, 9e4, (Weighed(first, 9e4, 1.0, 1.0),)),
@@ -176,7 +176,7 @@ def test_what_is_regrouped_stands_where_it_comes_nearer(monkeypatch, level, is_m
         return Polished('context', level, tuple(effects), ({'load_factor': 0.1}, {'force_N': 1.0}))
 
     before = Polished('context', 1000.0, (first, DRAG), ({}, {}))
-    moved = walk._regrouped(lambda *_: [second, DRAG], again, before, [], found, 1)
+    moved = accepted.regrouped_found(lambda *_: [second, DRAG], again, before, [], found, 1)
     assert (moved is not None) == is_moved
     if moved is not None:
         polished, (one, other) = moved

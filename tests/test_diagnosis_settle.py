@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import conclusion
+from escalator_twin.diagnosis.accepted import refitted
 from escalator_twin.diagnosis.found import Found, is_in_vain, is_left_over
+from escalator_twin.diagnosis.linked import LINKED
 from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.telling import candidates, evidence_lines, LEFT_OVER
 from escalator_twin.diagnosis.unexplained import Unexplained
 from escalator_twin.diagnosis.verdict import Weighed
-from escalator_twin.diagnosis.walk import LINKED, refitted
 from escalator_twin.errors import ExperimentError
 
 pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import bounds
+from escalator_twin.diagnosis import accepted, bounds, seeking
 from escalator_twin.diagnosis import walk as module
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -60,8 +60,9 @@ def walked(monkeypatch):
         monkeypatch.setattr(bounds, 'excess_of', lambda *_: excess)
         monkeypatch.setattr(module, 'explained_by', lambda *_: explained)
         monkeypatch.setattr(bounds, 'fell_by', lambda *_: fell() if callable(fell) else fell)
-        monkeypatch.setattr(module, 'may_hide', lambda *_: False)
-        monkeypatch.setattr(module, 'is_in_one_gauge', lambda *_: in_one_gauge)
+        monkeypatch.setattr(seeking, 'may_hide', lambda *_: False)
+        for where in (module, seeking):
+            monkeypatch.setattr(where, 'is_in_one_gauge', lambda *_: in_one_gauge)
         bench = Bench(
             propose,
             attempt,
@@ -157,7 +158,7 @@ def test_of_effects_that_were_moved_no_machine_before_them_is_told(walked, monke
     moved = replace(load, location={'steps': [3, 4]})
     rounds = iter([[load], [drag], []])
     levels = iter([900.0, 1000.0])
-    monkeypatch.setattr(module, 'quiet_chi2', lambda _: next(levels))
+    monkeypatch.setattr(accepted, 'quiet_chi2', lambda _: next(levels))
 
     def regroup(_, __, effects, ___):
         return [moved, drag] if effects == [load, drag] else None

@@ -1,9 +1,10 @@
 """What a round accepts, and its numbers once more was fitted beside it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from escalator_twin.diagnosis.contenders import ACCEPT, place_of
+from escalator_twin.diagnosis.context import Beside, Context, quiet_chi2
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -58,3 +59,36 @@ def refitted(found: Sequence[Found], polished: Polished) -> list[Found]:
             one = replace(placed_at(one, effect), sd=sd)
         again.append(one)
     return again
+
+
+def regrouped_found(
+    regroup: Callable[[Context, Beside, Sequence[Proposal], int], list[Proposal] | None],
+    again: Callable[[Context, Beside, Sequence[Proposal], int], Polished],
+    polished: Polished,
+    start: Sequence[Proposal],
+    found: Sequence[Found],
+    jobs: int = 1,
+) -> tuple[Polished, list[Found]] | None:
+    """Return effects at other places that explain more together; None where there are none.
+
+    Parameters
+    ----------
+    regroup, again : callable
+        See `walked.Bench`.
+    polished : Polished
+        The machine with all effects.
+    start : sequence of Proposal
+        Effects that were known before anything was sought.
+    found : sequence of Found
+    jobs : int
+        Simulations at a time.
+    """
+    context, place = polished.context, polished.place
+    effects = regroup(context, place, [*start, *(f.proposal for f in found)], jobs)
+    if effects is None or effects[: len(start)] != list(start):
+        return None
+    other = again(context, place, effects, jobs)
+    if quiet_chi2(other.place) >= quiet_chi2(place):
+        return None
+    rows = zip(found, effects[len(start) :], strict=True)
+    return other, refitted([placed_at(one, effect) for one, effect in rows], other)

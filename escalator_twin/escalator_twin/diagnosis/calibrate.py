@@ -34,12 +34,12 @@ from escalator_twin.diagnosis.floor import (
 )
 from escalator_twin.diagnosis.floor_file import own_floor, write_floor
 from escalator_twin.diagnosis.grids import Frame
+from escalator_twin.diagnosis.linked import propose
 from escalator_twin.diagnosis.preparation import prepare, prepare_tolerances
 from escalator_twin.diagnosis.proposals import false_fall
 from escalator_twin.diagnosis.responses import ALL_PLACES
 from escalator_twin.diagnosis.tuning import tuned
 from escalator_twin.diagnosis.unexplained import by_channel
-from escalator_twin.diagnosis.walk import propose
 from escalator_twin.diagnosis.whitening import frequencies, sensor_variance
 from escalator_twin.errors import MachineError
 from escalator_twin.machine import load_machine, Machine, Sensor

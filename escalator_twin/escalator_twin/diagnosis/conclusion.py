@@ -8,6 +8,7 @@ from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.found import Found, ONE_GAUGE
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.heldout import Earlier, hold_out
+from escalator_twin.diagnosis.linked import LINKED
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regroup import UNEVEN_SHARE
 from escalator_twin.diagnosis.scores import HeldOut
@@ -19,7 +20,6 @@ from escalator_twin.diagnosis.verdict import (
     size_in_references,
     SLIGHT_SIZE,
 )
-from escalator_twin.diagnosis.walk import LINKED
 from escalator_twin.diagnosis.walked import Bench, Walked
 from escalator_twin.errors import EscalatorError
 from escalator_twin.machine import Machine

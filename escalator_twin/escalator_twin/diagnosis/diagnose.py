@@ -16,6 +16,7 @@ from escalator_twin.diagnosis.faults import Fault, faults_of
 from escalator_twin.diagnosis.floor_file import load_floor
 from escalator_twin.diagnosis.found import Found
 from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.linked import LINKED
 from escalator_twin.diagnosis.preparation import prepare
 from escalator_twin.diagnosis.scores import HeldOut
 from escalator_twin.diagnosis.speeds import Rolled, rolled
@@ -31,7 +32,7 @@ from escalator_twin.diagnosis.telling import (
     would_change,
 )
 from escalator_twin.diagnosis.unexplained import look, NOT_JUDGED, Unexplained
-from escalator_twin.diagnosis.walk import LINKED, walk
+from escalator_twin.diagnosis.walk import walk
 from escalator_twin.diagnosis.walked import Bench
 from escalator_twin.diagnosis.within import within_tolerance
 from escalator_twin.errors import NotYetError
