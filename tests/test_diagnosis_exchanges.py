@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from escalator_twin.causes.application import apply
-from escalator_twin.diagnosis import from_afar, reach
+from escalator_twin.diagnosis import begun_afar, reach
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.exchanges import exchanges
 from escalator_twin.diagnosis.proposals import Proposal
@@ -137,16 +137,16 @@ def test_only_what_runs_and_may_explain_what_is_open_is_begun(monkeypatch, machi
         return None
 
     ran = []
-    monkeypatch.setattr(from_afar, 'excess_of', lambda *_: 0.0)
-    monkeypatch.setattr(from_afar, 'reaches', lambda *_: large)
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
+    monkeypatch.setattr(begun_afar, 'excess_of', lambda *_: 0.0)
+    monkeypatch.setattr(begun_afar, 'reaches', lambda *_: large)
+    monkeypatch.setattr(begun_afar, 'fitted_afar', lambda *given: given[3])
     monkeypatch.setattr(Staged, 'run', put_in)
     setting = SimpleNamespace(experiment=CASE)
     context = SimpleNamespace(machine=machine, setting=setting, floor=None)
     place = SimpleNamespace(stage=Staged(machine), fitted=SimpleNamespace(white=np.zeros(4)))
     afar = Afar(context, place, [])
     pool = SimpleNamespace(map=map)
-    begun = from_afar._exchanged(context, afar, place, [CHAIN], pool, 1, [])
+    begun = begun_afar.exchanged(context, afar, place, [CHAIN], pool, 1, [])
     assert len(begun) == (2 if runs and large else 0)
     for (known, one), (own, further) in zip(begun, ran, strict=bool(begun)):
         # what is run has the chain as it is turned back

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import closing, from_afar, trial
+from escalator_twin.diagnosis import begun_afar, closing, from_afar, trial
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.floor import SHAKING
 from escalator_twin.diagnosis.polish import Polished
@@ -25,10 +25,10 @@ FRICTION = Proposal('tensioner_friction', {}, {'force_N': 180.0}, 9e4)
 @pytest.fixture(autouse=True)
 def all_reach(monkeypatch):
     """Have every effect's reference be as large as what is open, and none told with another's length."""
-    monkeypatch.setattr(from_afar, 'excess_of', lambda *_: 0.0)
-    monkeypatch.setattr(from_afar, 'at_reference', lambda effect: effect)
-    monkeypatch.setattr(from_afar, 'reaches', lambda *_: True)
-    monkeypatch.setattr(from_afar, '_exchanged', lambda *_: [])
+    monkeypatch.setattr(begun_afar, 'excess_of', lambda *_: 0.0)
+    monkeypatch.setattr(begun_afar, 'at_reference', lambda effect: effect)
+    monkeypatch.setattr(begun_afar, 'reaches', lambda *_: True)
+    monkeypatch.setattr(from_afar, 'exchanged', lambda *_: [])
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,10 @@ def leveled(chi2, shaken=0.0):
 def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     monkeypatch, edges, known, is_open, hides, closes, fitted
 ):
-    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain, model=None
-    ))  # fmt: skip
+    for module in (from_afar, begun_afar):
+        monkeypatch.setattr(module, 'refine', lambda *given: SimpleNamespace(
+            proposal=given[3], gain=given[3].gain, model=None
+        ))  # fmt: skip
     done = []
     there = SimpleNamespace(
         is_open=not closes, stage=SimpleNamespace(judged=lambda *_: 8e3), fitted=None
@@ -76,7 +77,7 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
         polished = Polished(context, there, (), ())
         return Tried(refined.proposal, refined.gain, {}, polished)
 
-    monkeypatch.setattr(from_afar, 'fitted_beside', fitted_beside)
+    monkeypatch.setattr(begun_afar, 'fitted_beside', fitted_beside)
     monkeypatch.setattr(from_afar, 'is_hiding', lambda *_: hides)
     monkeypatch.setattr(closing, 'is_open', lambda place, *_: place.is_open)
     monkeypatch.setattr(closing, 'excess_of', lambda *_: 100.0)
@@ -88,34 +89,12 @@ def test_what_a_tolerance_stands_in_for_is_fitted_whatever_it_promises(
     assert done == fitted
 
 
-@pytest.mark.issue(6)
-@pytest.mark.parametrize('does', [True, False])
-def test_an_edge_that_cannot_be_what_is_open_is_not_fitted(monkeypatch, does):
-    monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
-        proposal=given[3], gain=given[3].gain, model=None
-    ))  # fmt: skip
-    asked = []
-
-    def reaches(_place, effect, _model, excess):
-        asked.append((effect, excess))
-        return does
-
-    monkeypatch.setattr(from_afar, 'excess_of', lambda *_: 9e5)
-    monkeypatch.setattr(from_afar, 'reaches', reaches)
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
-    afar = Afar(None, leveled(1e4), [], (EDGE,))
-    pool = SimpleNamespace(map=map)
-    found = from_afar._at_edges(Held(None), afar, leveled(1e4), [], [], pool, 1)
-    assert [one.proposal for _, one in found] == ([EDGE] if does else [])
-    assert asked == [(EDGE, 9e5)]
-
-
 @pytest.mark.parametrize('riddle', [True, False])
 def test_effects_of_one_force_are_begun_together_where_nothing_explains_most(monkeypatch, riddle):
     both = Tried(LANDING, 2e3, {}, None)
     monkeypatch.setattr(from_afar, '_tried_afar', lambda *_: [])
-    monkeypatch.setattr(from_afar, '_at_edges', lambda *_: [])
-    monkeypatch.setattr(from_afar, '_exchanged', lambda *_: [both])
+    monkeypatch.setattr(from_afar, 'at_edges', lambda *_: [])
+    monkeypatch.setattr(from_afar, 'exchanged', lambda *_: [both])
     monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: riddle)
     monkeypatch.setattr(from_afar, '_from_here', lambda *_: [])
     afar = Afar(None, leveled(2e3), [])
@@ -128,7 +107,7 @@ def test_beside_a_link_that_explains_most_nothing_is_sought_afar(monkeypatch, le
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
         proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
+    monkeypatch.setattr(from_afar, 'fitted_afar', lambda *given: given[3])
     monkeypatch.setattr(closing, 'is_open', lambda *_: True)
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.fitted - 1e3)
     monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: False)
@@ -147,7 +126,7 @@ def test_what_left_nearly_nothing_is_not_fitted_there_again(monkeypatch, left, f
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
         proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
+    monkeypatch.setattr(from_afar, 'fitted_afar', lambda *given: given[3])
     monkeypatch.setattr(closing, 'is_open', lambda *_: True)
     monkeypatch.setattr(closing, 'excess_of', lambda place, _: place.left)
     place, there = (
@@ -180,7 +159,7 @@ def test_what_stays_far_above_is_not_fitted_but_beside_another_machine(
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
         proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
+    monkeypatch.setattr(from_afar, 'fitted_afar', lambda *given: given[3])
     afar = Afar(None, leveled(2.6e3), [ROLLING])
     others = [leveled(1.4e3), leveled(1e3)]
     with ThreadPoolExecutor(1) as pool:
@@ -198,7 +177,7 @@ def test_a_frame_is_as_far_above_as_its_own_channels_say(monkeypatch, gain, is_f
     monkeypatch.setattr(from_afar, 'refine', lambda *given: SimpleNamespace(
         proposal=given[3], gain=given[3].gain, model=None
     ))  # fmt: skip
-    monkeypatch.setattr(from_afar, '_fitted_afar', lambda *given: given[3])
+    monkeypatch.setattr(from_afar, 'fitted_afar', lambda *given: given[3])
     afar = Afar(None, leveled(1e4, 4e4), [frame])
     other = leveled(2e3, 1e4)
     with ThreadPoolExecutor(1) as pool:
@@ -232,7 +211,7 @@ def test_a_frame_is_sought_beside_tolerances_that_were_not_tuned_to_it(monkeypat
         fits.append((refined.proposal, turned))
         return Tried(refined.proposal, refined.gain, {}, Polished(context, tuned, (), ()))
 
-    for module in (trial, from_afar):
+    for module in (trial, from_afar, begun_afar):
         monkeypatch.setattr(module, 'refine', lambda *given: SimpleNamespace(
             proposal=given[3], gain=given[3].gain, model=None
         ))  # fmt: skip
@@ -344,7 +323,8 @@ def test_what_a_tolerance_holds_is_fitted_from_where_the_tolerances_are(
         return Tried(one.proposal, gain, {}, found)
 
     monkeypatch.setattr(from_afar, 'refine', refine)
-    monkeypatch.setattr(from_afar, 'fitted_beside', fitted_beside)
+    for module in (from_afar, begun_afar):
+        monkeypatch.setattr(module, 'fitted_beside', fitted_beside)
     monkeypatch.setattr(from_afar, 'beyond_tolerance', lambda _: beyond)
     monkeypatch.setattr(closing, 'is_open', lambda *_: True)
     monkeypatch.setattr(closing, 'excess_of', lambda p, _: p.fitted - 7e3)

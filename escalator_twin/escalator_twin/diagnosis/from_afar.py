@@ -4,25 +4,25 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import numpy as np
-
-from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.begun_afar import (
+    at_edges,
+    exchanged,
+    fitted_afar,
+    least_of,
+)
 from escalator_twin.diagnosis.closing import is_closed, is_done, is_hiding, is_local, is_riddle
 from escalator_twin.diagnosis.context import Beside, Context
-from escalator_twin.diagnosis.exchanges import exchanges, Start
-from escalator_twin.diagnosis.fitting import fitted_beside, of_machine_among
+from escalator_twin.diagnosis.fitting import fitted_beside
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.proposals import Proposal, same_place
-from escalator_twin.diagnosis.reach import at_reference, reaches
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.unexplained import beyond_tolerance, excess_of
+from escalator_twin.diagnosis.unexplained import beyond_tolerance
 from escalator_twin.diagnosis.verdict import neutral_of, size_in_tolerances
-from escalator_twin.errors import EscalatorError
 
 FIRST_STEPS = 1  # of a contender, before the best is known
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
@@ -82,9 +82,9 @@ def tried_from_afar(
         found = _tried_afar(context, sought, place, known, pool, jobs, places, is_worth)
         tried = [*fitted, *found]
         if known or is_riddle(place, tried, floor) or is_hiding(place, tried, floor):
-            found += _at_edges(context, afar, place, known, tried, pool, jobs)
+            found += at_edges(context, afar, place, known, tried, pool, jobs)
         if is_riddle(place, [*fitted, *found], floor):
-            found += _exchanged(context, afar, place, known, pool, jobs, places)
+            found += exchanged(context, afar, place, known, pool, jobs, places)
     if all(t.gain <= 0.0 for t in [*fitted, *found] if t.polished is not None):
         found += _from_here(context, sought, place, known, jobs, is_worth)
     return found
@@ -148,7 +148,7 @@ def _tried_afar(
 
     def is_far(one: Refined) -> bool:
         cause = one.proposal.cause
-        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * _least(
+        return base.stage.judged(base.fitted, cause) - one.gain >= FAR_ABOVE * least_of(
             cause, places
         )
 
@@ -161,13 +161,7 @@ def _tried_afar(
     # beside what changes the whole machine, what the tolerances are to take up is far above all else
     if not any(of_machine(k) and k.cause not in LOCAL for k in known):
         leading = [r for r in leading if not is_far(r)]
-    return _fitted_afar(context, afar, place, _beside(known, leading), pool, jobs, places)
-
-
-def _beside(
-    known: Sequence[Proposal], leading: Sequence[Refined]
-) -> list[tuple[Sequence[Proposal], Refined]]:
-    return [(known, one) for one in leading]
+    return fitted_afar(context, afar, place, [(known, one) for one in leading], pool, jobs, places)
 
 
 def _apart(refined: Sequence[Refined]) -> list[Refined]:
@@ -185,96 +179,3 @@ def _begin_alike(one: Proposal, other: Proposal) -> bool:
         return False
     is_one_way = _way(one) * _way(other) > 0.0
     return is_one_way and abs(size_in_tolerances(one) - size_in_tolerances(other)) < ONE_START
-
-
-def _least(cause: str, places: Sequence[Beside]) -> float:
-    """Return the least chi squared, of those that a cause is judged by, of several machines."""
-    return min(p.stage.judged(p.fitted, cause) for p in places)
-
-
-def _at_edges(
-    context: Context,
-    afar: Afar,
-    place: Beside,
-    known: Sequence[Proposal],
-    tried: Sequence[Tried],
-    pool: ThreadPoolExecutor,
-    jobs: int,
-) -> list[Tried]:
-    """Fit the causes whose tolerance the tuning has used up, but those that were tried.
-
-    Beside nothing known whatever is wrong may turn a tolerance to its edge: then only where
-    nothing else closes what is open, or nothing is and more is hidden than good machines hide.
-    """
-    base, open_ = afar.place, excess_of(place, context.floor)
-    done = {t.proposal.cause for t in tried if t.polished is not None}
-    edges = [e for e in afar.edges if e.cause not in done]
-
-    def run(edge: Proposal) -> Refined | None:
-        whole = refine(base.stage, base.model, base.fitted, at_reference(edge), 0)
-        if whole is None or not reaches(base, edge, whole.model, open_):
-            return None
-        return refine(base.stage, base.model, base.fitted, edge, 0)
-
-    found = [r for r in pool.map(run, edges) if r is not None]
-    places = [place, *(t.polished.place for t in tried if t.polished is not None)]
-    return _fitted_afar(context, afar, place, _beside(known, found), pool, jobs, places)
-
-
-def _exchanged(
-    context: Context,
-    afar: Afar,
-    place: Beside,
-    known: Sequence[Proposal],
-    pool: ThreadPoolExecutor,
-    jobs: int,
-    places: Sequence[Beside],
-) -> list[Tried]:
-    """Fit what may have been told as more or less of a known effect, see `exchanges`."""
-    base, open_ = afar.place, excess_of(place, context.floor)
-
-    def run(start: Start) -> tuple[tuple[Proposal, ...], Refined] | None:
-        back, further = start
-        machine = apply(context.machine, tuple(k.deviation for k in of_machine_among(back)))
-        try:
-            model = replace(base.stage, machine=machine).run((further.deviation,))
-        except EscalatorError:  # such a machine does not run
-            return None
-        if not reaches(base, further, model, open_):
-            return None
-        none = np.empty((len(base.fitted.white), 0), np.float32)
-        return back, Refined(further, model, base.fitted, 0.0, {}, none, ())
-
-    starts = exchanges(context.machine, context.setting.experiment, known)
-    begun = [start for start in pool.map(run, starts) if start is not None]
-    return _fitted_afar(context, afar, place, begun, pool, jobs, places)
-
-
-def _fitted_afar(
-    context: Context,
-    afar: Afar,
-    place: Beside,
-    starts: Sequence[tuple[Sequence[Proposal], Refined]],
-    pool: ThreadPoolExecutor,
-    jobs: int,
-    places: Sequence[Beside],
-) -> list[Tried]:
-    """Fit causes from the machine as described, no tolerance turned.
-
-    ``starts`` are known effects, each with the one that is fitted beside them. ``places`` are what others come
-    down to: only what may come below the best of them is fitted to its end.
-    """
-
-    def fit(start: tuple[Sequence[Proposal], Refined]) -> Tried:
-        known, one = start
-        level = _least(one.proposal.cause, places)
-        return fitted_beside(afar.context, place, known, one, {}, jobs, level)
-
-    found = []
-    for tried in pool.map(fit, starts):
-        if tried.polished is not None:
-            # from here on with what every other cause does
-            knobs = tried.polished.context.responses.knobs
-            whole = replace(context, responses=replace(context.responses, knobs=knobs))
-            found.append(replace(tried, polished=replace(tried.polished, context=whole)))
-    return found
