@@ -26,6 +26,7 @@ sys.path.append(str(ROOT / 'tests'))  # of the generator
 
 from rig.catalogue import LISTED, NOT_LISTED
 from rig.hidden import Plan, plan, write_hidden
+from rig.sheet import ANOTHER
 
 REFERENCE, THIRD = 'reference', 'third'
 # Issue 6 asks for 5 recordings of each cause and size, 150 within tolerance, 40 on no list.
@@ -173,6 +174,7 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument('--seed', type=int, required=True, help='one that nobody developed with')
     root.add_argument('--out', type=Path, required=True, help='a folder for bags and verdicts')
     root.add_argument('--machine', type=Path, default=MACHINE)
+    root.add_argument('--sheet', type=Path, help='of the machine that is made (the prototype)')
     root.add_argument('--jobs', type=int, default=1, help='recordings at once')
     root.add_argument('--cores', type=int, default=2, help='shared among them')
     root.add_argument('--most', type=int, help='of the set, in its mixed order (all of it)')
@@ -186,6 +188,8 @@ def main() -> int:
     clean = CLEAN_PER_N * given.n if given.clean is None else given.clean
     unlisted = UNLISTED_PER_N * given.n if given.unlisted is None else given.unlisted
     out: Path = given.out
+    if given.sheet is not None:
+        os.environ[ANOTHER] = str(given.sheet)
     if not (given.keep and (out / 'manifest.json').exists()):
         plans = draw_set(given.seed, given.n, clean, unlisted, given.causes, given.sizes)
         with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from escalator_twin.diagnosis import polish, tuning
+from escalator_twin.diagnosis.descent import Descent, far_turns
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.tuning import far_turns
 
 pytestmark = pytest.mark.issue(6)
 
@@ -63,7 +63,10 @@ def test_a_turn_that_gains_enough_is_followed(monkeypatch, level, is_followed):
 def test_beside_what_leads_far_above_all_else_no_tolerance_is_turned_far(monkeypatch, most, kicks):
     turns = []
 
-    class Search:
+    class Search(Descent):
+        def __init__(self):
+            """Search nothing."""
+
         def descend(self, turned, _cut_hz=None):
             return turned, 1e4, place(1e4)
 
@@ -71,7 +74,7 @@ def test_beside_what_leads_far_above_all_else_no_tolerance_is_turned_far(monkeyp
             turns.append(by)
             return {}, 1e4
 
-    monkeypatch.setattr(tuning, '_Search', lambda *_: Search())
+    monkeypatch.setattr(tuning, 'Descent', lambda *_: Search())
     monkeypatch.setattr(tuning, '_doubted', lambda lean: lean)
     monkeypatch.setattr(tuning, 'replace', lambda search, **_: search)
     begun = place(1e4)

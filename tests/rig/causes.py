@@ -12,7 +12,7 @@ import numpy as np
 from rig.guide import lay_path
 from rig.machine import slope
 from rig.model import Model
-from rig.sheet import Sheet
+from rig.sheet import chosen
 
 Place = dict[str, Any]
 Size = dict[str, float]
@@ -147,7 +147,7 @@ def landing_length(model, _place, size, _rng):
 def with_landings(model: Model, lower_m: float = 0.0, upper_m: float = 0.0) -> Model:
     """Lay the landings longer by so much on top of what this machine has."""
     lengths = np.diff(model.seg_start)
-    sheet = Sheet()
+    sheet = chosen()
     lower = lengths[0] - sheet.lower_landing_m + lower_m
     upper = lengths[4] - sheet.upper_landing_m + upper_m
     path = lay_path(sheet, float(lower), float(upper))

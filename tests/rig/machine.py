@@ -36,7 +36,7 @@ def nominal(
     """Return the machine of the data sheet without any draw."""
     path = lay_path(sheet, lower_m, upper_m)
     length = float(path.design_start[-1])
-    survey = read_survey(SURVEY)
+    survey = read_survey(Path(sheet.survey) if sheet.survey else SURVEY)
     normal = tabulate(survey[:, 0], survey[:, 1], length, smooth)
     lateral = tabulate(survey[:, 0], survey[:, 2], length, smooth)
     cells = normal.size

@@ -28,7 +28,7 @@ from rig.machine import Case
 from rig.model import Model, RECORD
 from rig.recording import record, sample, Signals
 from rig.run import ROW_S, run
-from rig.sheet import Sheet
+from rig.sheet import chosen, Sheet
 from rig.unlisted import UNLISTED
 from rig.unlisted_faults import UNLISTED_FAULTS
 
@@ -99,7 +99,7 @@ def apply_effects(model: Model, order: Order, rng: np.random.Generator) -> Model
 def make(order: Order) -> Made:
     """Run the machine and record it."""
     rng = streams(order)
-    sheet = Sheet()
+    sheet = chosen()
     drawn = Tolerances() if order.is_nominal else draw_tolerances(rng['machine'])
     speed = draw_speed(rng['run'], order.case.speed_m_s)
     start = rng['run'].uniform(0.0, 24.4)

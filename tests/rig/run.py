@@ -8,7 +8,7 @@ from rig.guide import lay_path, LOWER_TURNAROUND, Path2d, point
 from rig.integrate import march
 from rig.layout import CARRIED, DOG, MARK_ROWS, NO_DOG, RACK, TAIL, U
 from rig.model import Model
-from rig.sheet import Sheet
+from rig.sheet import chosen
 
 STEP_S = 1e-3 / 3.0  # s; against 1.25e-4 s the link forces differ by 0.3 N rms
 ROW_S = 1e-3  # s, between two rows of RECORD
@@ -34,7 +34,7 @@ def lay_chain(path: Path2d, s0: float, links: int, pitch_m: float) -> NDArray[np
 
 def stretched(model: Model, u: float) -> Path2d:
     """Return the model's path with the carriage ``u`` (m) further out."""
-    sheet = Sheet()
+    sheet = chosen()
     lengths = np.diff(model.seg_start)
     return lay_path(
         sheet,

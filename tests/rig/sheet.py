@@ -2,12 +2,18 @@
 
 Source of every value: the prototype's data sheet (``data_sheet.yaml``); those marked
 "published" there are Table 1 of Cano-Moreno et al.  They are written out here once more, on
-purpose: the rig shares no file with the twin.
+purpose: the rig shares no file with the twin.  Another machine is what `chosen` returns.
 """
 
 from dataclasses import dataclass
+from functools import cache
+import json
+import os
+from pathlib import Path
 
 import numpy as np
+
+ANOTHER = 'RIG_SHEET'  # of the environment: a file that says in what another machine differs
 
 
 @dataclass(frozen=True)
@@ -50,3 +56,19 @@ class Sheet:
     lateral_stiffness_n_m: float = 2.0e4  # per axle
     lateral_damping_ns_m: float = 2.0e2
     gravity_m_s2: float = 9.81
+    survey: str = ''  # file of the rails; the prototype's unless given
+
+
+def chosen() -> Sheet:
+    """Return the sheet of the machine that is made: the prototype's, or what the environment names."""
+    return _sheet_of(os.environ.get(ANOTHER, ''))
+
+
+@cache
+def _sheet_of(file: str) -> Sheet:
+    """Return the prototype's sheet with what a JSON file has for it; paths beside that file."""
+    if not file:
+        return Sheet()
+    path = Path(file)
+    other = Sheet(**json.loads(path.read_text(encoding='utf-8')))
+    return Sheet(**{**vars(other), 'survey': str(path.with_name(other.survey))})

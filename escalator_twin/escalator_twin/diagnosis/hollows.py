@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside, beside, Context, with_own_tolerances
+from escalator_twin.diagnosis.descent import level_of
 from escalator_twin.diagnosis.fitting import fitted_on
 from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.joint import JointFit
@@ -20,7 +21,6 @@ from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.stage import LARGEST, Stage
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.diagnosis.tuning import level_of
 from escalator_twin.diagnosis.unexplained import beyond_tolerance
 from escalator_twin.diagnosis.verdict import neutral_of
 from escalator_twin.errors import EscalatorError

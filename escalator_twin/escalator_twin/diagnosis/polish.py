@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from escalator_twin.diagnosis.context import Beside, Context, FAR_TURNED, quiet_chi2
+from escalator_twin.diagnosis.descent import far_turns, KICKS, most_explaining
 from escalator_twin.diagnosis.joint import Free, JointFit, judged, moved_all
 from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.regression import inverse
-from escalator_twin.diagnosis.tuning import far_turns, KICKS, most_explaining, ROUNDS
+from escalator_twin.diagnosis.tuning import ROUNDS
 from escalator_twin.diagnosis.verdict import size_in_tolerances
 from escalator_twin.machine import Deviation
 

@@ -15,7 +15,8 @@ from escalator_twin.diagnosis.responses import (
 )
 from escalator_twin.diagnosis.simultaneous import Progress
 from escalator_twin.diagnosis.stage import Stage
-from escalator_twin.diagnosis.tuning import tuned
+from escalator_twin.diagnosis.tuning import tuned, tuned_on
+from escalator_twin.diagnosis.unexplained import is_open, SIGMAS
 from escalator_twin.machine import Machine
 from escalator_twin.signals import Recording
 
@@ -42,6 +43,8 @@ def prepare(
     nominal = Nominal(start, context.responses)
     context = replace(context, weak=_weak(start.stage))
     context, place = tuned(context, jobs=jobs, start=start)
+    if is_open(place, floor, SIGMAS):
+        context, place = tuned_on(context, place, jobs)
     experiment = context.setting.experiment
     knobs = knobs_of(machine, experiment)
     turned_machine, turned = turn_all(machine, experiment, knobs, place.stage.turned)

@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from escalator_twin.diagnosis.context import Beside, Context
+from escalator_twin.diagnosis.descent import WORTH_A_ROUND
 from escalator_twin.diagnosis.joint import Free, JointFit, judged
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.polish import farther, polish, polish_whole, Polished
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.tuning import WORTH_A_ROUND
 from escalator_twin.diagnosis.unexplained import is_open
 
 TREADS = ('roller_eccentricity', 'roller_flat')

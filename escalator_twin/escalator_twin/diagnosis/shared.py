@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from escalator_twin.diagnosis.context import Beside
+from escalator_twin.diagnosis.descent import KICKS, WORTH_A_ROUND
 from escalator_twin.diagnosis.joint import moved_all, shaking_of
 from escalator_twin.diagnosis.loops import LOCAL
 from escalator_twin.diagnosis.normals import jackknife, Normal, solve
@@ -35,7 +36,6 @@ from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import slope_of
 from escalator_twin.diagnosis.regression import Fitted, inner_products, swapped
 from escalator_twin.diagnosis.stage import LARGEST, Stage
-from escalator_twin.diagnosis.tuning import KICKS, WORTH_A_ROUND
 from escalator_twin.diagnosis.unknowns import EFFECT, Name, name_of, of_recording
 from escalator_twin.errors import EscalatorError
 
