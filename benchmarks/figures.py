@@ -4,15 +4,14 @@ from collections.abc import Callable, Iterator, Sequence
 from statistics import median
 from typing import Any
 
+from benchmarks.rates import calibration, Rate
 from benchmarks.scoring import (
-    calibration,
     CLEAN,
     confusion,
     LISTED,
     NOT_LISTED,
     NOTHING,
     Outcome,
-    Rate,
 )
 
 Row = dict[str, Any]

@@ -15,7 +15,7 @@ import re
 
 import numpy as np
 
-from benchmarks.scoring import calibration, Rate
+from benchmarks.rates import calibration, Rate
 
 COUNT = re.compile(r'(\d+) of (\d+)')
 # Columns of the table, from 0 on, and what their counts are of.

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from math import dist, exp, hypot, nan, sqrt
 from typing import Any
 
-from scipy import stats
-
 Json = Mapping[str, Any]
 
 LOOP_M = 24.4057  # contracts.md: places along the guide come round after it
@@ -38,7 +36,6 @@ OF_MEASUREMENT = frozenset({
     'channel_swap', 'clock_drift', 'mains_hum', 'data_gap', 'sensor_spikes',
 })  # fmt: skip
 FLOOR = 1.0  # of a whitened residual, and of one over the sensor's own noise
-BINS = 10  # of the calibration
 
 
 @dataclass(frozen=True)
@@ -332,65 +329,6 @@ def belief_of(truth: Truth, verdict: Json) -> tuple[float, bool] | None:
     alike = {best['cause'], truth.cause} == ALIKE
     right = best['cause'] == truth.cause or alike
     return float(best['probability']), right and is_place(truth.location, best['location'])
-
-
-@dataclass(frozen=True)
-class Rate:
-    """A share of trials with its 95 % interval by Clopper and Pearson."""
-
-    hits: int
-    trials: int
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, hits: Sequence[bool]) -> 'Rate':
-        """Count; without a trial the interval is everything."""
-        count, trials = sum(map(bool, hits)), len(hits)
-        if not trials:
-            return cls(0, 0, 0.0, 1.0)
-        interval = stats.binomtest(count, trials).proportion_ci(0.95, method='exact')
-        return cls(count, trials, float(interval.low), float(interval.high))
-
-    @property
-    def value(self) -> float | None:
-        """Hits over trials."""
-        return self.hits / self.trials if self.trials else None
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Stated probabilities against how often they were right.
-
-    Attributes
-    ----------
-    error : float or None
-        Expected calibration error: mean over all statements of their bin's difference.
-    rows : tuple of (mean probability, share right, count)
-        Of every bin that is not empty.
-    """
-
-    error: float | None
-    rows: tuple[tuple[float, float, int], ...]
-
-
-def calibration(beliefs: Sequence[tuple[float, bool]], bins: int = BINS) -> Calibration:
-    """Sort statements into bins of equal width and compare each bin's means."""
-    if not beliefs:
-        return Calibration(None, ())
-    groups: dict[int, list[tuple[float, bool]]] = {}
-    for belief in beliefs:
-        groups.setdefault(min(int(belief[0] * bins), bins - 1), []).append(belief)
-    rows = tuple(
-        (
-            sum(p for p, _ in group) / len(group),
-            sum(right for _, right in group) / len(group),
-            len(group),
-        )
-        for _, group in sorted(groups.items())
-    )
-    total = sum(abs(p - share) * count for p, share, count in rows)
-    return Calibration(total / len(beliefs), rows)
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:

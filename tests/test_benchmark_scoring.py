@@ -3,14 +3,13 @@
 import pytest
 
 from benchmarks.figures import by_cause, figures, markdown
+from benchmarks.rates import calibration, Rate
 from benchmarks.scoring import (
-    calibration,
     confusion,
     is_place,
     judge,
     judge_together,
     NOTHING,
-    Rate,
     Truth,
 )
 
