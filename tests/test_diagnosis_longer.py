@@ -1,0 +1,74 @@
+"""Another machine of the prototype's kind, longer and heavier: described, and diagnosed with a borrowed error."""
+
+import json
+from pathlib import Path
+
+import pytest
+from rig.machine import Case
+from rig.make import Effect, make, Order, write
+from rig.sheet import ANOTHER, chosen, Sheet
+
+from benchmarks.scoring import judge, Truth
+from escalator_twin import pipeline
+from escalator_twin.machine import load_machine
+
+pytestmark = [pytest.mark.issue(6), pytest.mark.issue(7)]
+
+LONGER = Path(__file__).parent / 'data' / 'longer'
+CASE = Case(0.5, -1, 0.0, 6000.0)
+HIDDEN = Effect('roller_eccentricity', {'axle': 41, 'side': 'left'}, {'amplitude_m': 4e-4})
+
+
+@pytest.fixture
+def longer(monkeypatch):
+    monkeypatch.setenv(ANOTHER, str(LONGER / 'sheet.json'))
+
+
+def test_the_prototype_is_made_where_no_other_machine_is_named(monkeypatch):
+    monkeypatch.delenv(ANOTHER, raising=False)
+    assert chosen() == Sheet()
+
+
+@pytest.mark.usefixtures('longer')
+def test_generator_and_twin_are_told_of_the_same_machine():
+    sheet, machine = chosen(), load_machine(LONGER / 'machine.yaml')
+    assert sheet != Sheet()
+    told = {
+        sheet.links: machine.chain.n_links,
+        sheet.axle_mass_kg: machine.chain.mass_per_pitch_kg,
+        sheet.link_stiffness_n_m: machine.chain.link_stiffness_n_m,
+        sheet.racking_stiffness_n_m: machine.chain.racking_stiffness_n_m,
+        sheet.roller_diameter_m: machine.roller.diameter_m,
+        sheet.contact_stiffness_n_m: machine.roller.contact_stiffness_n_m,
+        sheet.rolling_resistance: machine.roller.rolling_resistance,
+        sheet.viscous_drag_ns_m: machine.roller.viscous_drag_n_s_m,
+        sheet.clearance_m: machine.guide.channel_clearance_m,
+        sheet.drive_start_m: machine.drive.start_m,
+        sheet.drive_length_m: machine.drive.length_m,
+        sheet.drive_stiffness_n_m: machine.drive.stiffness_n_m,
+        sheet.carriage_mass_kg: machine.tensioner.mass_kg,
+        sheet.tensioner_stiffness_n_m: machine.tensioner.stiffness_n_m,
+        sheet.tensioner_damping_ns_m: machine.tensioner.damping_n_s_m,
+        sheet.load_to_m: machine.load.to_m,
+        sheet.lateral_stiffness_n_m: machine.lateral.stiffness_n_m,
+    }
+    assert all(own == other for own, other in told.items())
+    assert sheet.rise_m == pytest.approx(machine.guide.rise_m, abs=1e-9)
+    survey = machine.source.parent / machine.guide.survey_file
+    assert Path(sheet.survey).read_bytes() == survey.read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(570)
+@pytest.mark.usefixtures('longer')
+def test_an_eccentric_roller_of_the_longer_machine_is_named_in_its_place(tmp_path):
+    bag = tmp_path / 'bag'
+    made = make(Order(60_609, CASE, 85.0, (HIDDEN,)))
+    write(made, bag, tmp_path / 'truth.json')
+    extended = tmp_path / 'extended.yaml'
+    verdict = pipeline.diagnose([str(bag)], LONGER / 'machine.yaml', jobs=2, out=extended)
+    outcome = judge(Truth.of(json.loads((tmp_path / 'truth.json').read_text())), verdict)
+    assert outcome.cause_right
+    assert outcome.place_right
+    assert all(outcome.covered)
+    assert len(verdict['effects']) == 1
