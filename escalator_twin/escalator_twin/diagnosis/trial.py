@@ -79,29 +79,9 @@ def try_all(
     """
     base, fitted = place.model, place.fitted
     stage = place.stage.lean(base)
-    single = [p for p in contenders if p.cause not in DRIVE]
-    single += across(single, known)
-    moving: list[Proposal] = []
-    if afar is not None:
-        # beside tolerances that were tuned to them they look like others
-        moving = [p for p in single if p.cause in SCANS and p.cause in MOVES_RESONANCE][:1]
-        single = [p for p in single if p.cause not in SCANS or p.cause not in MOVES_RESONANCE]
-    waves_of = pairs(contenders, stage.observation.frame)
+    single, moving = _runs_alone(contenders, known, afar is not None)
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        for cause, scan in SCANS.items():
-            own = [p for p in single if p.cause == cause]
-            single = [p for p in single if p.cause != cause]
-            single += [scan(stage, base, fitted, p, jobs) for p in own[:1]]
-        first = [
-            r
-            for r in pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), single)
-            if r is not None
-        ]
-        waves = pool.map(
-            lambda pair: refine_drive(stage, base, fitted, pair[0], pair[1], jobs), waves_of
-        )
-        refined = first + [r for pair in waves for r in pair]
-        refined.sort(key=lambda r: -r.gain)
+        refined = _refined(place, stage, contenders, single, pool, jobs)
         close = [r for r in refined if r.gain > CLOSE * refined[0].gain]
         leading = _first_of_places(best_wave_alone(close))[:2]
         leading = [r for r in leading if worth is None or worth(r.proposal, r.gain)]
@@ -141,6 +121,43 @@ def try_all(
     # what else was off had been taken for either lock's: by 12 of chi squared that were 2 once it was fitted
     again = sorted(locked(context, place, settled, jobs), key=lambda t: -t.gain)
     return _locked_better(known, again, jobs)
+
+
+def _runs_alone(
+    contenders: Sequence[Proposal], known: Sequence[Proposal], is_afar: bool
+) -> tuple[list[Proposal], list[Proposal]]:
+    """Return what is run by itself, and of it what is to be looked for with the machine as described."""
+    single = [p for p in contenders if p.cause not in DRIVE]
+    single += across(single, known)
+    if not is_afar:
+        return single, []
+    # beside tolerances that were tuned to them they look like others
+    moves = SCANS.keys() & MOVES_RESONANCE
+    moving = [p for p in single if p.cause in moves]
+    return [p for p in single if p.cause not in moves], moving[:1]
+
+
+def _refined(
+    place: Beside,
+    stage: Stage,
+    contenders: Sequence[Proposal],
+    single: Sequence[Proposal],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+) -> list[Refined]:
+    """Return contenders run with the twin and refined by a step, best first: single ones, and pairs of waves."""
+    base, fitted = place.model, place.fitted
+    alone = [p for p in single if p.cause not in SCANS]
+    for cause, scan in SCANS.items():
+        own = [p for p in single if p.cause == cause]
+        alone += [scan(stage, base, fitted, p, jobs) for p in own[:1]]
+    first = pool.map(lambda p: refine(stage, base, fitted, p, FIRST_STEPS), alone)
+    waves = pool.map(
+        lambda pair: refine_drive(stage, base, fitted, pair[0], pair[1], jobs),
+        pairs(contenders, stage.observation.frame),
+    )
+    refined = [r for r in first if r is not None] + [r for pair in waves for r in pair]
+    return sorted(refined, key=lambda r: -r.gain)
 
 
 def _leads_from_afar(
