@@ -4,10 +4,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from escalator_twin.diagnosis import tuning
+from escalator_twin.diagnosis import preparation, tuning
+from escalator_twin.diagnosis.context import Context
 from escalator_twin.diagnosis.descent import Descent
 
 pytestmark = pytest.mark.issue(6)
+
+NOTHING = SimpleNamespace(knobs=None)
 
 
 def at(chi2):
@@ -52,3 +55,22 @@ def test_it_goes_on_while_a_turn_promises_a_good_part_that_holds(
     assert place.fitted == ends
     assert (context == 'as it was') == (ends == 1e4)  # else what tolerances do there
     assert kicks[0] == tuning.KICKS[0]
+
+
+@pytest.mark.parametrize('is_open', [True, False])
+def test_a_recording_is_tuned_on_where_something_stays_open(monkeypatch, is_open):
+    context = Context(
+        None, None, SimpleNamespace(experiment=None, start_s_m=0.0), NOTHING, 'floor', 0.0
+    )
+    tuned = at(1e4)
+    monkeypatch.setattr(preparation, 'prepare_tolerances', lambda *_: context)
+    monkeypatch.setattr(preparation, 'beside', lambda *_, **__: at(2e4))
+    monkeypatch.setattr(preparation, '_weak', lambda _: frozenset())
+    monkeypatch.setattr(preparation, 'tuned', lambda given, **_: (given, tuned))
+    monkeypatch.setattr(preparation, 'tuned_on', lambda given, _place, _jobs: (given, at(8e3)))
+    monkeypatch.setattr(preparation, 'is_open', lambda place, *_: is_open and place is tuned)
+    for name in ('knobs_of', 'find_responses'):
+        monkeypatch.setattr(preparation, name, lambda *_: None)
+    monkeypatch.setattr(preparation, 'turn_all', lambda *_: (None, None))
+    found = preparation.prepare(None, None, 'floor')
+    assert found.place.fitted == (8e3 if is_open else 1e4)
