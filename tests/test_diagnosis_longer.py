@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from rig.draw import build, lay_rails, SURVEY_ERROR_M, Tolerances
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
 from rig.sheet import ANOTHER, chosen, Sheet
@@ -56,6 +58,16 @@ def test_generator_and_twin_are_told_of_the_same_machine():
     assert sheet.rise_m == pytest.approx(machine.guide.rise_m, abs=1e-9)
     survey = machine.source.parent / machine.guide.survey_file
     assert Path(sheet.survey).read_bytes() == survey.read_bytes()
+
+
+@pytest.mark.usefixtures('longer')
+def test_the_machine_runs_on_the_rails_that_its_survey_says():
+    sheet = chosen()
+    model = lay_rails(build(sheet, CASE, 0.5, Tolerances()), None)
+    survey = np.loadtxt(sheet.survey, delimiter=',', skiprows=1)
+    there = np.interp(survey[:, 0], model.cell * np.arange(model.lateral.size), model.normal[0])
+    # the likeliest rail: the survey less what is its error
+    assert np.std(there - survey[:, 1]) < 2.0 * SURVEY_ERROR_M < 0.5 * np.std(survey[:, 1])
 
 
 @pytest.mark.slow

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.guide import read_survey, TABLE_STEP_M
-from rig.machine import Case, nominal, slope, SURVEY
+from rig.machine import Case, nominal, slope, survey_of
 from rig.model import Model
-from rig.sheet import Sheet
+from rig.sheet import chosen, Sheet
 
 FloatArray = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ def true_rail(
 
 def lay_rails(model: Model, rng: np.random.Generator | None) -> Model:
     """Give the machine a true guide, drawn or the likeliest: one for both sides."""
-    survey = read_survey(SURVEY)
+    survey = read_survey(survey_of(chosen()))
     length = model.cell * model.lateral.size
     s = survey[:, 0]
     normal = true_rail(s, survey[:, 1], length, WAVE_AMPLITUDE_M['normal'], rng)

@@ -25,6 +25,11 @@ class Case:
     preload_n: float
 
 
+def survey_of(sheet: Sheet) -> Path:
+    """Return the file of a machine's rails."""
+    return Path(sheet.survey) if sheet.survey else SURVEY
+
+
 def nominal(
     sheet: Sheet,
     case: Case,
@@ -36,7 +41,7 @@ def nominal(
     """Return the machine of the data sheet without any draw."""
     path = lay_path(sheet, lower_m, upper_m)
     length = float(path.design_start[-1])
-    survey = read_survey(Path(sheet.survey) if sheet.survey else SURVEY)
+    survey = read_survey(survey_of(sheet))
     normal = tabulate(survey[:, 0], survey[:, 1], length, smooth)
     lateral = tabulate(survey[:, 0], survey[:, 2], length, smooth)
     cells = normal.size
