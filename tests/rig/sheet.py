@@ -70,5 +70,7 @@ def _sheet_of(file: str) -> Sheet:
     if not file:
         return Sheet()
     path = Path(file)
-    other = Sheet(**json.loads(path.read_text(encoding='utf-8')))
-    return Sheet(**{**vars(other), 'survey': str(path.with_name(other.survey))})
+    given = json.loads(path.read_text(encoding='utf-8'))
+    if 'survey' in given:
+        given['survey'] = str(path.with_name(given['survey']))
+    return Sheet(**given)
