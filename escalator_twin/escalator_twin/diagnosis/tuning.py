@@ -28,7 +28,7 @@ from escalator_twin.machine import Deviation
 CUTS_HZ = (4.0, 8.0, 14.0)  # up to which signals are compared, before all of the band
 ROUNDS = len(KICKS)
 # Of chi squared: where no turn of one tolerance promises that much, nothing is tuned on. Good machines of another make
-# in a hollow, on other rails than surveyed, promised 7 to 10 %, recordings of the prototype 1.5 % at most, with all
+# in a hollow promised 7 to 10 %, recordings of the prototype 1.5 % at most, with all
 # that was wrong with them (development).
 WORTH_AGAIN = 0.02
 MOST_AGAIN = 3
@@ -145,8 +145,8 @@ def tuned_on(context: Context, place: Beside, jobs: int = 1) -> tuple[Context, B
     """Tune on beside what the rail does, and how the recording is aligned, where a tuning has led.
 
     Both are kept while tolerances are turned. Where a resonance of the chain is among the waves that are compared they
-    are others there: of a machine whose chain swings at 18 Hz, on other rails than surveyed, 2200 of a chi
-    squared of 10970 (development).
+    are others there: of a machine whose chain swings at 18 Hz, 2200 of a chi squared of 10970
+    (development).
 
     Parameters
     ----------
