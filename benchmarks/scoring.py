@@ -11,7 +11,7 @@ from typing import Any
 
 Json = Mapping[str, Any]
 
-LOOP_M = 24.4057  # contracts.md: places along the guide come round after it
+LOOP_M = 24.4057  # contracts.md: of the prototype, after which its places come round
 PLACE_M = {'s_m': 0.25, 's_from_m': 0.5, 's_to_m': 0.5}  # by which a place may be off
 STEPS_OFF = 1
 MOST_ALTERNATIVES = 2  # an effect with more counts as not named
@@ -52,6 +52,8 @@ class Truth:
         Name of the drawn share of the reference; empty where a cause has no size.
     speed_m_s : float or None
         At which the machine really ran.
+    loop_m : float
+        Length of its guide, after which places come round.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Truth:
     parameters: Json
     size: str
     speed_m_s: float | None = None
+    loop_m: float = LOOP_M
 
     @classmethod
     def of(cls, document: Json) -> 'Truth':
@@ -83,6 +86,7 @@ class Truth:
                 effect.get('parameters') or {},
                 document.get('size') or '',
                 document.get('speed_m_s'),
+                document.get('loop_m') or LOOP_M,
             )
             for effect in effects
         )
@@ -160,7 +164,7 @@ def judge(truth: Truth, verdict: Json | None, seconds: float = 0.0) -> Outcome:
         return Outcome(truth, NOTHING, False, False, flagged, belief=belief, seconds=seconds)
     first = effects[0]
     cause = is_cause(truth, first)
-    place = cause and is_place(truth.location, first['location'])
+    place = cause and is_place(truth, first['location'])
     rows = sizes(truth, first) if place else []
     return Outcome(
         truth,
@@ -229,7 +233,7 @@ def judge_together(
     right, errors = [], []
     for truth in rows:
         own = next(
-            (e for e in left if is_cause(truth, e) and is_place(truth.location, e['location'])),
+            (e for e in left if is_cause(truth, e) and is_place(truth, e['location'])),
             None,
         )
         right.append(own is not None)
@@ -249,16 +253,19 @@ def is_cause(truth: Truth, effect: Json) -> bool:
     return pair == ALIKE and truth.cause in effect['alternatives']
 
 
-def is_place(true: Json, found: Json) -> bool:
+def is_place(truth: Truth, found: Json) -> bool:
     """Tell whether every key of the true place is right."""
-    return all(key in found and is_key(key, value, found[key]) for key, value in true.items())
+    return all(
+        key in found and is_key(key, value, found[key], truth.loop_m)
+        for key, value in truth.location.items()
+    )
 
 
-def is_key(key: str, true: Any, found: Any) -> bool:
-    """Tell whether one key of a place is right."""
+def is_key(key: str, true: Any, found: Any, loop_m: float) -> bool:
+    """Tell whether one key of a place is right, on a guide of that length."""
     if key in PLACE_M:
-        away = abs(float(true) - float(found)) % LOOP_M
-        return min(away, LOOP_M - away) <= PLACE_M[key]
+        away = abs(float(true) - float(found)) % loop_m
+        return min(away, loop_m - away) <= PLACE_M[key]
     if key == 'steps':
         return len(set(true) ^ set(found)) <= STEPS_OFF
     if isinstance(true, list | tuple):
@@ -328,7 +335,7 @@ def belief_of(truth: Truth, verdict: Json) -> tuple[float, bool] | None:
         return None
     alike = {best['cause'], truth.cause} == ALIKE
     right = best['cause'] == truth.cause or alike
-    return float(best['probability']), right and is_place(truth.location, best['location'])
+    return float(best['probability']), right and is_place(truth, best['location'])
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:

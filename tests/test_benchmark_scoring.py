@@ -130,7 +130,18 @@ def test_no_verdict_names_nothing():
     ],
 )
 def test_places(true, found, right):
-    assert is_place(true, found) is right
+    assert is_place(Truth('listed', 'any', true, {}, 'reference'), found) is right
+
+
+def test_a_longer_guide_comes_round_later():
+    document = {
+        'effects': [{'cause': 'guide_step', 'location': {'s_m': 24.45}}],
+        'size': 'reference',
+    }
+    assert is_place(Truth.of(document), {'s_m': 0.05})
+    assert not is_place(Truth.of({**document, 'loop_m': 26.77}), {'s_m': 0.05})
+    end = {'effects': [{'cause': 'guide_step', 'location': {'s_m': 26.75}}], 'loop_m': 26.77}
+    assert is_place(Truth.of(end), {'s_m': 0.05})
 
 
 # single verdicts

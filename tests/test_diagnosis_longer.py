@@ -5,15 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rig.catalogue import LISTED
 from rig.draw import build, lay_rails, SURVEY_ERROR_M, Tolerances
 from rig.machine import Case
 from rig.make import Effect, make, Order, write
 from rig.model import RECORD
+from rig.places import loop_m
 from rig.sheet import ANOTHER, chosen, Sheet
 
 from benchmarks.scoring import judge, Truth
 from escalator_twin import pipeline
 from escalator_twin.machine import load_machine
+from escalator_twin.physics.path import build_path
 from escalator_twin.signals import Experiment
 from escalator_twin.twin import make_simulation, run_twin
 
@@ -74,6 +77,17 @@ def test_the_machine_runs_on_the_rails_that_its_survey_says():
 
 
 @pytest.mark.usefixtures('longer')
+def test_places_are_drawn_on_all_of_it():
+    rng, machine = np.random.default_rng(3), load_machine(LONGER / 'machine.yaml')
+    length_m = build_path(machine.guide).length_m
+    assert length_m - 0.1 < loop_m() <= length_m
+    drawn = [LISTED['guide_step'].draw(rng, 1.0)[0]['s_m'] for _ in range(300)]
+    assert loop_m() - 0.5 < max(drawn) <= loop_m()
+    axles = {LISTED['roller_drag'].draw(rng, 1.0)[0]['axle'] for _ in range(1000)}
+    assert axles == set(range(machine.chain.n_links))
+
+
+@pytest.mark.usefixtures('longer')
 def test_its_carriage_stands_where_the_generator_has_it():
     made = make(Order(5, Case(0.5, -1, 0.0, 3000.0), 20.0, is_nominal=True, start_s_m=3.0))
     machine = load_machine(LONGER / 'machine.yaml')
@@ -81,6 +95,7 @@ def test_its_carriage_stands_where_the_generator_has_it():
     trace = run_twin(simulation, machine.instruments.sensors, 3.0, 20.0, 200.0)
     at = [s.channel for s in machine.instruments.sensors].index('tensioner/displacement')
     own, other = trace.columns[:, at], made.rows[:, RECORD.index('u')]
+    assert made.truth['loop_m'] == pytest.approx(build_path(machine.guide).length_m, abs=0.01)
     # a tenth of what the prototype's rails would make of it
     assert own.mean() == pytest.approx(other.mean(), abs=5e-5)
     assert own.std() == pytest.approx(other.std(), rel=0.01)

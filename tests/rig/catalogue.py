@@ -13,6 +13,8 @@ from rig.catalogue_unlisted import NOT_LISTED
 from rig.instruments import LINKS
 from rig.make import Effect
 from rig.places import (
+    any_link,
+    any_s,
     ANY_SIDE,
     at_roller,
     between,
@@ -20,7 +22,6 @@ from rig.places import (
     factor,
     in_stretch,
     Kind,
-    LOOP_M,
     of_machine,
     ONE_SIDE,
     pick,
@@ -28,6 +29,7 @@ from rig.places import (
     softer,
     times,
 )
+from rig.sheet import chosen
 
 SHARES = {'third': 1.0 / 3.0, 'reference': 1.0, 'twice': 2.0}
 GAUGED_CHANNELS = tuple(f'link_force/{link}' for link in LINKS)
@@ -44,7 +46,7 @@ GAP_GROUPS = (  # what shares a topic is lost together
 
 
 def link_elongation(rng: Random, share: float) -> tuple[dict, dict]:
-    return {'link': int(rng.integers(60))}, {'length_m': share * 3e-3}
+    return {'link': any_link(rng)}, {'length_m': share * 3e-3}
 
 
 def chain_elongation(rng: Random, share: float) -> tuple[dict, dict]:
@@ -52,12 +54,12 @@ def chain_elongation(rng: Random, share: float) -> tuple[dict, dict]:
 
 
 def link_stiffness(rng: Random, share: float) -> tuple[dict, dict]:
-    place = {'link': int(rng.integers(60)), 'side': pick(rng, ONE_SIDE)}
+    place = {'link': any_link(rng), 'side': pick(rng, ONE_SIDE)}
     return place, {'factor': softer(0.3, share)}
 
 
 def guide_step(rng: Random, share: float) -> tuple[dict, dict]:
-    place = {'s_m': round(rng.uniform(0.0, LOOP_M), 2), 'side': pick(rng, ANY_SIDE)}
+    place = {'s_m': any_s(rng), 'side': pick(rng, ANY_SIDE)}
     return place, {'height_m': share * 1.5e-3, 'length_m': rng.uniform(0.04, 0.08)}
 
 
@@ -66,8 +68,8 @@ def landing_length(rng: Random, share: float) -> tuple[dict, dict]:
 
 
 def load_distribution(rng: Random, share: float) -> tuple[dict, dict]:
-    first = int(rng.integers(60))
-    steps = [(first + k) % 60 for k in range(3)]
+    first = any_link(rng)
+    steps = [(first + k) % chosen().links for k in range(3)]
     # nothing is lighter than no load at all
     references = (0.0, 1.8) if share <= 1.0 else (1.8,)
     return {'steps': steps}, {'load_factor': factor(pick(rng, references), share)}
@@ -76,7 +78,7 @@ def load_distribution(rng: Random, share: float) -> tuple[dict, dict]:
 def step_mass(rng: Random, share: float) -> tuple[dict, dict]:
     # twice the reference lighter would leave less than the axles and rollers weigh
     signs = (1.0, -1.0) if share <= 1.0 else (1.0,)
-    return {'step': int(rng.integers(60))}, {'delta_kg': share * 18.0 * pick(rng, signs)}
+    return {'step': any_link(rng)}, {'delta_kg': share * 18.0 * pick(rng, signs)}
 
 
 def truss_resonance(rng: Random, share: float) -> tuple[dict, dict]:

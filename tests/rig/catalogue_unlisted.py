@@ -2,6 +2,8 @@
 
 from rig.instruments import LINKS
 from rig.places import (
+    any_link,
+    any_s,
     ANY_SIDE,
     at_axis,
     at_link,
@@ -10,7 +12,6 @@ from rig.places import (
     factor,
     in_stretch,
     Kind,
-    LOOP_M,
     of_machine,
     ONE_SIDE,
     pick,
@@ -22,11 +23,11 @@ from rig.places import (
 
 
 def lateral_kink(rng: Random, share: float) -> tuple[dict, dict]:
-    return {'s_m': round(rng.uniform(0.0, LOOP_M), 2)}, {'offset_m': share * 4e-3}
+    return {'s_m': any_s(rng)}, {'offset_m': share * 4e-3}
 
 
 def bent_axle(rng: Random, share: float) -> tuple[dict, dict]:
-    return {'axle': int(rng.integers(60))}, {'offset_m': share * 2e-3}
+    return {'axle': any_link(rng)}, {'offset_m': share * 2e-3}
 
 
 def crosstalk(rng: Random, share: float) -> tuple[dict, dict]:
@@ -35,12 +36,12 @@ def crosstalk(rng: Random, share: float) -> tuple[dict, dict]:
 
 
 def settled_rail(rng: Random, share: float) -> tuple[dict, dict]:
-    place = {'s_m': round(rng.uniform(0.0, LOOP_M), 2), 'side': pick(rng, ANY_SIDE)}
+    place = {'s_m': any_s(rng), 'side': pick(rng, ANY_SIDE)}
     return place, {'depth_m': share * 4e-3, 'length_m': rng.uniform(0.8, 1.4)}
 
 
 def poor_batch(rng: Random, share: float) -> tuple[dict, dict]:
-    return {'axle': int(rng.integers(60))}, {
+    return {'axle': any_link(rng)}, {
         'force_N': share * 60.0,
         'one_of': pick(rng, (4, 5, 6)),
     }

@@ -26,6 +26,7 @@ from rig.faults import FAULTS, place_in_chain
 from rig.instruments import draw_instruments, Instruments
 from rig.machine import Case
 from rig.model import Model, RECORD
+from rig.places import loop_m
 from rig.recording import record, sample, Signals
 from rig.run import ROW_S, run
 from rig.sheet import chosen, Sheet
@@ -102,7 +103,7 @@ def make(order: Order) -> Made:
     sheet = chosen()
     drawn = Tolerances() if order.is_nominal else draw_tolerances(rng['machine'])
     speed = draw_speed(rng['run'], order.case.speed_m_s)
-    start = rng['run'].uniform(0.0, 24.4)
+    start = rng['run'].uniform(0.0, loop_m())
     start = start if order.start_s_m is None else order.start_s_m
     model = build(sheet, order.case, speed, drawn)._replace(
         wander=draw_wander(rng['run'], order.duration_s, order.wander), wander_step=WANDER_STEP_S
@@ -197,6 +198,7 @@ def truth_of(
         'case': asdict(order.case),
         'effects': [asdict(e) for e in order.effects],
         'speed_m_s': float(abs(travel) / duration),
+        'loop_m': float(loop),
         'start_s_m': float((ends[0] + 0.5 * behind) % loop),
         'clock': {'offset_s': kit.clock_offset_s, 'drift_ppm': 1e6 * kit.clock_drift},
         'wander': model.wander[::50].round(7).tolist(),

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import floor
 from typing import Any
 
 import numpy as np
 
+from rig.guide import lay_path
 from rig.instruments import LINKS
+from rig.sheet import chosen
 
 Random = np.random.Generator
 Draw = Callable[[Random, float], tuple[dict[str, Any], dict[str, Any]]]
 
-LOOP_M = 24.4  # m, of places along the guide
 ONE_SIDE = ('left', 'right')
 ANY_SIDE = ('left', 'right', 'both')
 
@@ -23,6 +25,21 @@ class Kind:
     draw: Draw
     needs_load: bool = False
     has_size: bool = True
+
+
+def loop_m() -> float:
+    """Return along how many metres of the guide places lie, to a decimetre."""
+    return floor(10.0 * lay_path(chosen()).start[-1]) / 10.0
+
+
+def any_s(rng: Random) -> float:
+    """Return a place along the guide (m), to a centimetre."""
+    return round(rng.uniform(0.0, loop_m()), 2)
+
+
+def any_link(rng: Random) -> int:
+    """Return a link of the chain, an axle or a step."""
+    return int(rng.integers(chosen().links))
 
 
 def pick(rng: Random, choices: tuple) -> Any:
@@ -49,7 +66,7 @@ def at_roller(name: str, reference: float) -> Draw:
     """Return a draw of one roller."""
 
     def draw(rng: Random, share: float) -> tuple[dict, dict]:
-        place = {'axle': int(rng.integers(60)), 'side': pick(rng, ONE_SIDE)}
+        place = {'axle': any_link(rng), 'side': pick(rng, ONE_SIDE)}
         return place, {name: share * reference}
 
     return draw
@@ -76,7 +93,7 @@ def in_stretch(lengths_m: tuple[float, float], **sizes: Callable[[Random, float]
 
     def draw(rng: Random, share: float) -> tuple[dict, dict]:
         length = rng.uniform(*lengths_m)
-        start = rng.uniform(0.0, LOOP_M - length)
+        start = rng.uniform(0.0, loop_m() - length)
         place = {'s_from_m': round(start, 2), 's_to_m': round(start + length, 2)}
         return place, {k: size(rng, share) for k, size in sizes.items()}
 
