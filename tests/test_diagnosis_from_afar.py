@@ -29,6 +29,7 @@ def all_reach(monkeypatch):
     monkeypatch.setattr(begun_afar, 'at_reference', lambda effect: effect)
     monkeypatch.setattr(begun_afar, 'reaches', lambda *_: True)
     monkeypatch.setattr(from_afar, 'exchanged', lambda *_: [])
+    monkeypatch.setattr(from_afar, 'sized', lambda *_: [])
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,34 @@ def test_effects_of_one_force_are_begun_together_where_nothing_explains_most(mon
     afar = Afar(None, leveled(2e3), [])
     found = from_afar.tried_from_afar(Held(None), afar, leveled(2e3), [FRICTION], [], [], 1)
     assert found == ([both] if riddle else [])
+
+
+@pytest.mark.parametrize('riddle', [True, False])
+def test_sizes_of_long_waves_are_fitted_where_nothing_explains_most(monkeypatch, riddle):
+    spring = replace(ROLLING, cause='tensioner_stiffness', parameters={'factor': 1.4})
+    spring = replace(spring, fitted=('factor',))
+    near = replace(spring, parameters={'factor': 1.399})
+    far = replace(spring, parameters={'factor': 0.7})
+    monkeypatch.setattr(from_afar, 'sized', begun_afar.sized)
+    monkeypatch.setattr(from_afar, '_tried_afar', lambda *_: [])
+    monkeypatch.setattr(from_afar, 'at_edges', lambda *_: [])
+    monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: riddle)
+    monkeypatch.setattr(from_afar, '_from_here', lambda *_: [])
+    monkeypatch.setattr(begun_afar, 'coarse_starts', lambda *_: [near, far])
+    monkeypatch.setattr(begun_afar, 'refine', lambda *given: SimpleNamespace(proposal=given[3]))
+    begun = []
+    monkeypatch.setattr(
+        begun_afar,
+        'fitted_afar',
+        lambda *given: begun.extend(one.proposal for _, one in given[3]) or [],
+    )
+    afar = Afar(None, SimpleNamespace(stage=None, model=None, fitted=None), [])
+    ended = Tried(spring, 1.0, {}, SimpleNamespace(place=leveled(2e3)))
+    for name in ('is_local', 'is_closed', 'is_hiding'):
+        monkeypatch.setattr(from_afar, name, lambda *_: False)
+    from_afar.tried_from_afar(Held(None), afar, leveled(2e3), [], [ended], [], 1)
+    # where a fit ended already another would end too
+    assert begun == ([far] if riddle else [])
 
 
 @pytest.mark.parametrize(('left', 'is_sought'), [(400.0, False), (600.0, True)])

@@ -8,15 +8,21 @@ import numpy as np
 
 from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.coarse import coarse_starts
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.exchanges import exchanges, Start
 from escalator_twin.diagnosis.fitting import fitted_beside, of_machine_among
-from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.diagnosis.proposals import Proposal, same_place
 from escalator_twin.diagnosis.reach import at_reference, reaches
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import excess_of
+from escalator_twin.diagnosis.verdict import neutral_of, size_in_tolerances
 from escalator_twin.errors import EscalatorError
+
+# Tolerances of a size: two starts nearer than that are one. An argument, not measured: a fit's first step, which tunes
+# all tolerances, leads farther; of one resistance by its slope and by a far change they were 0.01 to 0.02 apart.
+ONE_START = 0.5
 
 Begun = tuple[Sequence[Proposal], Refined]  # known effects, and the one that is fitted beside them
 
@@ -80,6 +86,32 @@ def at_edges(
     return fitted_afar(context, afar, place, [(known, one) for one in found], pool, jobs, places)
 
 
+def sized(
+    context: Context,
+    afar: Afar,
+    place: Beside,
+    known: Sequence[Proposal],
+    tried: Sequence[Tried],
+    pool: ThreadPoolExecutor,
+    jobs: int,
+) -> list[Tried]:
+    """Fit what the whole machine may have from sizes that leave least of the long waves, see `coarse`.
+
+    Where a fit has ended near such a size, nothing is gained by another.
+    """
+    base = afar.place
+    done = [t.proposal for t in tried if t.polished is not None]
+    starts = [
+        one
+        for one in coarse_starts(afar, known, pool)
+        if not any(begin_alike(one, other) for other in done)
+    ]
+    run = pool.map(lambda one: refine(base.stage, base.model, base.fitted, one, 0), starts)
+    begun = [(known, one) for one in run if one is not None]
+    places = [place, *(t.polished.place for t in tried if t.polished is not None)]
+    return fitted_afar(context, afar, place, begun, pool, jobs, places)
+
+
 def exchanged(
     context: Context,
     afar: Afar,
@@ -112,3 +144,17 @@ def exchanged(
 def least_of(cause: str, places: Sequence[Beside]) -> float:
     """Return the least chi squared, of those that a cause is judged by, of several machines."""
     return min(p.stage.judged(p.fitted, cause) for p in places)
+
+
+def way_of(one: Proposal) -> float:
+    """Return which way a size is from neutral."""
+    key = one.fitted[0]
+    return one.parameters[key] - neutral_of(one.cause, key)
+
+
+def begin_alike(one: Proposal, other: Proposal) -> bool:
+    """Tell whether two of one cause at one place are nearly of one size."""
+    if not same_place(one, other) or not one.fitted:
+        return False
+    is_one_way = way_of(one) * way_of(other) > 0.0
+    return is_one_way and abs(size_in_tolerances(one) - size_in_tolerances(other)) < ONE_START

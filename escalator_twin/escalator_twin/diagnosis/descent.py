@@ -67,11 +67,14 @@ class Descent:
         return _beside(near, self.place, stage, self.held, self.free, cut_hz)
 
     def descend(
-        self, turned: Mapping[str, float], cut_hz: float | None = None
+        self, turned: Mapping[str, float], cut_hz: float | None = None, most: int | None = None
     ) -> tuple[Mapping[str, float], float, Beside | None]:
-        """Step down by slopes; return where that ends, chi squared, and the machine where it was run."""
+        """Step down by slopes; return where that ends, chi squared, and the machine where it was run.
+
+        ``most``: steps, without it one up to a frequency.
+        """
         level = inf
-        for _ in range(MOST_STEPS if cut_hz is None else 1):
+        for _ in range(most or (MOST_STEPS if cut_hz is None else 1)):
             start = self.at(turned, cut_hz)
             stepped = _step(start)
             if stepped is None:

@@ -7,9 +7,12 @@ from dataclasses import replace
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.begun_afar import (
     at_edges,
+    begin_alike,
     exchanged,
     fitted_afar,
     least_of,
+    sized,
+    way_of,
 )
 from escalator_twin.diagnosis.closing import is_closed, is_done, is_hiding, is_local, is_riddle
 from escalator_twin.diagnosis.context import Beside, Context
@@ -17,19 +20,15 @@ from escalator_twin.diagnosis.fitting import fitted_beside
 from escalator_twin.diagnosis.frames import best_frame
 from escalator_twin.diagnosis.free import of_machine
 from escalator_twin.diagnosis.loops import LOCAL
-from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.diagnosis.refine import refine, Refined
 from escalator_twin.diagnosis.stretches import best_stretch
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import beyond_tolerance
-from escalator_twin.diagnosis.verdict import neutral_of, size_in_tolerances
 
 FIRST_STEPS = 1  # of a contender, before the best is known
 FAR_ABOVE = 2.0  # times a chi squared: what fitting will not make up for
 CLOSEST = 0.85  # the same of what was sought from afar
-# Tolerances of a size: two starts nearer than that are one. An argument, not measured: a fit's first step, which tunes
-# all tolerances, leads farther; of one resistance by its slope and by a far change they were 0.01 to 0.02 apart.
-ONE_START = 0.5
 # Whose ends or frequency are looked for with the twin itself: the best of each.
 SCANS = {'guide_drag': best_stretch, 'truss_resonance': best_frame}
 
@@ -83,6 +82,8 @@ def tried_from_afar(
         tried = [*fitted, *found]
         if known or is_riddle(place, tried, floor) or is_hiding(place, tried, floor):
             found += at_edges(context, afar, place, known, tried, pool, jobs)
+        if not known and is_riddle(place, [*fitted, *found], floor):
+            found += sized(context, afar, place, known, [*fitted, *found], pool, jobs)
         if is_riddle(place, [*fitted, *found], floor):
             found += exchanged(context, afar, place, known, pool, jobs, places)
     if all(t.gain <= 0.0 for t in [*fitted, *found] if t.polished is not None):
@@ -108,19 +109,13 @@ def _from_here(
     stage = place.stage.lean(place.model)
     for one in afar.proposals:
         held = beyond.get(one.nuisance or '', 0.0)
-        if not one.fitted or _way(one) * held <= 0.0:
+        if not one.fitted or way_of(one) * held <= 0.0:
             continue
         refined = refine(stage, place.model, place.fitted, one, FIRST_STEPS)
         if refined is None or refined.gain <= 0.0 or not worth(refined.proposal, refined.gain):
             continue
         return [fitted_beside(context, place, known, refined, jobs=jobs)]
     return []
-
-
-def _way(one: Proposal) -> float:
-    """Return which way a size is from neutral."""
-    key = one.fitted[0]
-    return one.parameters[key] - neutral_of(one.cause, key)
 
 
 def scanned(place: Beside, proposal: Proposal, jobs: int) -> Proposal:
@@ -168,14 +163,6 @@ def _apart(refined: Sequence[Refined]) -> list[Refined]:
     """Return refined causes without those that would be fitted from where a better one is."""
     kept: list[Refined] = []
     for one in refined:
-        if not any(_begin_alike(one.proposal, other.proposal) for other in kept):
+        if not any(begin_alike(one.proposal, other.proposal) for other in kept):
             kept.append(one)
     return kept
-
-
-def _begin_alike(one: Proposal, other: Proposal) -> bool:
-    """Tell whether two of one cause at one place are nearly of one size."""
-    if not same_place(one, other) or not one.fitted:
-        return False
-    is_one_way = _way(one) * _way(other) > 0.0
-    return is_one_way and abs(size_in_tolerances(one) - size_in_tolerances(other)) < ONE_START

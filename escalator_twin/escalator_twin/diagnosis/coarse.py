@@ -1,0 +1,138 @@
+"""Sizes of what the whole machine may have, sought in long waves from the machine as described.
+
+A preload a fifth too low is ten of its tolerances. Beside tolerances that are not known yet, and where the chain
+swings among the waves that are compared, slopes of all waves lead from none of it into a hollow on the way. Waves
+longer than half a metre have few hollows: several sizes are begun with, the slow tolerances are tuned beside each
+up to these, and what is left says which sizes are worth a fit.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from math import inf
+
+from escalator_twin.causes.registry import KNOWN
+from escalator_twin.diagnosis.afar import Afar
+from escalator_twin.diagnosis.context import Beside, beside, quiet_chi2
+from escalator_twin.diagnosis.descent import Descent, SLOW
+from escalator_twin.diagnosis.fitting import of_machine_among
+from escalator_twin.diagnosis.free import freed
+from escalator_twin.diagnosis.polish import taken_over
+from escalator_twin.diagnosis.proposals import Proposal, same_place
+from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
+from escalator_twin.diagnosis.verdict import neutral_of
+from escalator_twin.errors import EscalatorError
+
+SCREEN_HZ = 4.0
+CUTS_HZ = (2.0, 4.0, 8.0)  # up to which the slow tolerances are tuned, one after another
+STEPS = 2  # at each
+SHARES = (-1.0, -0.5, 0.5, 1.0)  # of the largest reference
+MOST_OF_ONE = 2  # sizes of a cause, those that leave least in the screen
+MOST_TUNED = 5  # of all these
+MOST_FITTED = 2
+NEAR_BEST = 1.15  # times the least that is left: what is not fitted
+# Times what the tuned machine leaves of the long waves: what leaves more is not fitted. PLACEHOLDER
+PROMISING = 0.9
+
+Left = tuple[float, Proposal]  # chi squared of the long waves beside an effect
+
+
+def coarse_starts(afar: Afar, known: Sequence[Proposal], pool: Executor) -> list[Proposal]:
+    """Return sizes that leave least of the long waves, one of a cause, the best first.
+
+    Parameters
+    ----------
+    afar : Afar
+    known : sequence of Proposal
+        Effects that the machine has beside what is sought.
+    pool : Executor
+
+    Returns
+    -------
+    starts : list of Proposal
+        Empty where none leaves much less than the machine without, tuned in the same way.
+    """
+    machine = of_machine_among(known)
+    sizes = sizes_of(afar.place, known)
+    screened = pool.map(lambda one: _screened(afar, known, [*machine, one]), sizes)
+    left = [(level, one) for level, one in zip(screened, sizes, strict=True) if level < inf]
+    starts = [one for _, one in _best_of_each(left, MOST_OF_ONE)[:MOST_TUNED]]
+    ways = [machine, *([*machine, one] for one in starts)]
+    without, *found = pool.map(lambda effects: _tuned(afar, known, effects), ways)
+    tuned = [
+        (level, taken_over(one, turned, afar.place.stage.tolerances))
+        for one, (level, turned) in zip(starts, found, strict=True)
+    ]
+    least = min((level for level, _ in tuned), default=inf)
+    most = min(NEAR_BEST * least, PROMISING * without[0])
+    return [one for _, one in _best_of_each([t for t in tuned if t[0] < most], 1)[:MOST_FITTED]]
+
+
+def _best_of_each(found: Sequence[Left], most: int) -> list[Left]:
+    """Return the sizes of every cause that leave least, the best first."""
+    kept: list[Left] = []
+    for one in sorted(found, key=lambda left: left[0]):
+        if sum(same_place(other, one[1]) for _, other in kept) < most:
+            kept.append(one)
+    return kept
+
+
+def sizes_of(place: Beside, known: Sequence[Proposal]) -> list[Proposal]:
+    """Return every cause that a slow tolerance may stand for at several sizes, but what is known."""
+    tolerances = {knob.name for knob in place.stage.knobs if knob.name.startswith(SLOW)}
+    found = []
+    for cause, (knob, key) in LIKE_KNOBS.items():
+        if knob not in tolerances or cause in {k.cause for k in known}:
+            continue
+        law = next(p for p in KNOWN[cause].parameters if p.name == key)
+        neutral = neutral_of(cause, key)
+        away = max(abs(reference[key] - neutral) for reference in KNOWN[cause].references)
+        location: dict[str, object] = {'which': 'upper'} if cause == 'landing_length' else {}
+        for share in SHARES:
+            size = neutral + share * away
+            if law.low <= size <= law.high:
+                found.append(
+                    Proposal(
+                        cause,
+                        location,
+                        {key: size},
+                        0.0,
+                        {key: away},
+                        fitted=(key,),
+                        nuisance=knob,
+                    )
+                )
+    return found
+
+
+def _begun(afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]) -> Beside:
+    """Run the machine as described with effects, the nuisance free that known ones of the measurement stand for."""
+    deviations = tuple(one.deviation for one in effects)
+    return freed(beside(afar.context, deviations, steps=0, turned={}), known)
+
+
+def _screened(afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]) -> float:
+    """Return what a machine leaves of the longest waves with no tolerance turned; infinity where it does not run."""
+    try:
+        place = _begun(afar, known, effects)
+    except EscalatorError:
+        return inf
+    stage = place.stage.lean(place.model).up_to(SCREEN_HZ)
+    return quiet_chi2(replace(place, stage=stage, fitted=stage.fit(place.model)))
+
+
+def _tuned(
+    afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]
+) -> tuple[float, Mapping[str, float]]:
+    """Tune a machine's slow tolerances; return what is left of the long waves, and their turns."""
+    place = _begun(afar, known, effects)
+    fast = tuple(k.name for k in place.stage.knobs if not k.name.startswith(SLOW))
+    search = Descent(
+        afar.context, place, place.stage.lean(place.model), tuple(e.deviation for e in effects),
+        1, fast, lambda p: freed(p, known),
+    )  # fmt: skip
+    level, turned = inf, dict[str, float]()
+    for cut in CUTS_HZ:
+        found, level, _ = search.descend(turned, cut, STEPS)
+        turned = dict(found)
+    return level, turned
