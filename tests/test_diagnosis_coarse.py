@@ -19,6 +19,7 @@ from escalator_twin.diagnosis.context import beside
 from escalator_twin.diagnosis.floor_file import own_floor
 from escalator_twin.diagnosis.preparation import prepare_tolerances
 from escalator_twin.diagnosis.proposals import Proposal
+from escalator_twin.errors import ExperimentError
 from escalator_twin.machine import load_machine
 
 pytestmark = pytest.mark.issue(7)
@@ -123,6 +124,18 @@ def test_what_leaves_hardly_less_than_no_effect_is_not_fitted(searched, without,
     assert bool(starts) == fits
     assert len(starts) <= coarse.MOST_FITTED
     assert len({one.cause for one in starts}) == len(starts)
+
+
+@pytest.mark.parametrize('dies', ['begun', 'tuned'])
+def test_a_machine_that_does_not_run_ends_no_diagnosis(monkeypatch, dies):
+    def die(*_):
+        raise ExperimentError('a chain that is too short')
+
+    lean = SimpleNamespace(knobs=[], lean=lambda _: None)
+    place = SimpleNamespace(stage=lean, model=None)
+    monkeypatch.setattr(coarse, '_begun', die if dies == 'begun' else lambda *_: place)
+    monkeypatch.setattr(coarse.Descent, 'descend', die)
+    assert coarse._tuned(SimpleNamespace(context=None), (), ()) == (inf, {})
 
 
 @pytest.mark.slow

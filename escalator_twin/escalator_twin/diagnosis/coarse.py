@@ -66,11 +66,12 @@ def coarse_starts(afar: Afar, known: Sequence[Proposal], pool: Executor) -> list
     ]
     least = min((level for level, _ in tuned), default=inf)
     most = min(NEAR_BEST * least, PROMISING * without[0])
-    return [one for _, one in _best_of_each([t for t in tuned if t[0] < most], 1)[:MOST_FITTED]]
+    near = [(level, one) for level, one in tuned if level < most]
+    return [one for _, one in _best_of_each(near, 1)[:MOST_FITTED]]
 
 
 def _best_of_each(found: Sequence[Left], most: int) -> list[Left]:
-    """Return the sizes of every cause that leave least, the best first."""
+    """Return the sizes of each cause that leave least, so many of one, the best first."""
     kept: list[Left] = []
     for one in sorted(found, key=lambda left: left[0]):
         if sum(same_place(other, one[1]) for _, other in kept) < most:
@@ -92,17 +93,8 @@ def sizes_of(place: Beside, known: Sequence[Proposal]) -> list[Proposal]:
         for share in SHARES:
             size = neutral + share * away
             if law.low <= size <= law.high:
-                found.append(
-                    Proposal(
-                        cause,
-                        location,
-                        {key: size},
-                        0.0,
-                        {key: away},
-                        fitted=(key,),
-                        nuisance=knob,
-                    )
-                )
+                sought = Proposal(cause, location, {key: size}, 0.0, {key: away})
+                found.append(replace(sought, fitted=(key,), nuisance=knob))
     return found
 
 
@@ -125,15 +117,21 @@ def _screened(afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]
 def _tuned(
     afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]
 ) -> tuple[float, Mapping[str, float]]:
-    """Tune a machine's slow tolerances; return what is left of the long waves, and their turns."""
-    place = _begun(afar, known, effects)
-    fast = tuple(k.name for k in place.stage.knobs if not k.name.startswith(SLOW))
-    search = Descent(
-        afar.context, place, place.stage.lean(place.model), tuple(e.deviation for e in effects),
-        1, fast, lambda p: freed(p, known),
-    )  # fmt: skip
+    """Tune a machine's slow tolerances; return what is left of the long waves, and their turns.
+
+    Infinity where it does not run with a turn that slopes lead to.
+    """
     level, turned = inf, dict[str, float]()
-    for cut in CUTS_HZ:
-        found, level, _ = search.descend(turned, cut, STEPS)
-        turned = dict(found)
+    try:
+        place = _begun(afar, known, effects)
+        fast = tuple(k.name for k in place.stage.knobs if not k.name.startswith(SLOW))
+        search = Descent(
+            afar.context, place, place.stage.lean(place.model), tuple(e.deviation for e in effects),
+            1, fast, lambda p: freed(p, known),
+        )  # fmt: skip
+        for cut in CUTS_HZ:
+            found, level, _ = search.descend(turned, cut, STEPS)
+            turned = dict(found)
+    except EscalatorError:
+        return inf, {}
     return level, turned
