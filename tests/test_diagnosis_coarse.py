@@ -48,7 +48,10 @@ def searched(monkeypatch):
     """Return a search over long waves in which what a size leaves is given; and what it tuned."""
     tuned = []
 
-    def search(screen, after, without, turned=None, known=()):
+    def search(screen, after, without, turned=None, known=(), nothing=1e4):
+        def screened(one):
+            return nothing if one is None else screen(one.cause, *one.parameters.values())
+
         def one_of(effects):
             return effects[-1] if len(effects) > len(known) else None
 
@@ -59,13 +62,7 @@ def searched(monkeypatch):
             return left, turned or {}
 
         monkeypatch.setattr(coarse, 'of_machine_among', list)
-        monkeypatch.setattr(
-            coarse,
-            '_screened',
-            lambda _a, _k, effects: screen(
-                one_of(effects).cause, *effects[-1].parameters.values()
-            ),
-        )
+        monkeypatch.setattr(coarse, '_screened', lambda _a, _k, effects: screened(one_of(effects)))
         monkeypatch.setattr(coarse, '_tuned', lambda _a, _k, effects: at(effects))
         afar = SimpleNamespace(place=place_with(*TOLERANCES))
         with ThreadPoolExecutor(1) as pool:
@@ -116,6 +113,12 @@ def test_only_two_sizes_of_a_cause_are_tuned_and_none_that_does_not_run(searched
     causes = [one.cause for one in tuned]
     assert causes.count('tensioner_preload') == causes.count('landing_length') == 2
     assert all(one.parameters.get('delta_m', 1.0) > 0.0 for one in tuned)
+
+
+@pytest.mark.parametrize(('nothing', 'tunes'), [(1.2, True), (1.05, False)])
+def test_where_no_size_shows_none_is_tuned_beside(searched, nothing, tunes):
+    starts, tuned = searched(lambda *_: 1.0, lambda *_: 1e3, 2e3, nothing=nothing)
+    assert bool(starts) == bool(tuned) == tunes
 
 
 @pytest.mark.parametrize(('without', 'fits'), [(2e3, True), (1.05e3, False)])
