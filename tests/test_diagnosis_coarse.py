@@ -71,7 +71,8 @@ def searched(monkeypatch):
     return search
 
 
-def test_sizes_lie_either_way_within_the_laws_and_but_of_slow_tolerances():
+def test_sizes_lie_either_way_within_the_laws_and_but_of_slow_tolerances(monkeypatch):
+    monkeypatch.setattr(coarse, 'SHARES', (-100.0, *coarse.SHARES, 100.0))
     found = sizes_of(place_with(*TOLERANCES), ())
     assert {one.cause for one in found} == {
         'tensioner_stiffness', 'tensioner_preload', 'rolling_resistance', 'landing_length'
@@ -113,6 +114,15 @@ def test_only_two_sizes_of_a_cause_are_tuned_and_none_that_does_not_run(searched
     causes = [one.cause for one in tuned]
     assert causes.count('tensioner_preload') == causes.count('landing_length') == 2
     assert all(one.parameters.get('delta_m', 1.0) > 0.0 for one in tuned)
+
+
+def test_of_sizes_that_hardly_run_those_that_do_are_tuned(searched):
+    def screen(cause, size):
+        return 1.0 if cause == 'rolling_resistance' and size > 1.0 else inf
+
+    _, tuned = searched(screen, lambda *_: 1e3, 2e3)
+    assert {one.cause for one in tuned} == {'rolling_resistance'}
+    assert all(one.parameters['factor'] > 1.0 for one in tuned)
 
 
 @pytest.mark.parametrize(('nothing', 'tunes'), [(1.2, True), (1.05, False)])

@@ -103,8 +103,13 @@ def test_effects_of_one_force_are_begun_together_where_nothing_explains_most(mon
     assert found == ([both] if riddle else [])
 
 
-@pytest.mark.parametrize('riddle', [True, False])
-def test_sizes_of_long_waves_are_fitted_where_nothing_explains_most(monkeypatch, riddle):
+@pytest.mark.parametrize(
+    ('riddle', 'known', 'fits'),
+    [(True, [], True), (False, [], False), (True, [FRICTION], False)],
+)
+def test_sizes_of_long_waves_are_fitted_where_nothing_is_known_and_nothing_explains_most(
+    monkeypatch, riddle, known, fits
+):
     spring = replace(ROLLING, cause='tensioner_stiffness', parameters={'factor': 1.4})
     spring = replace(spring, fitted=('factor',))
     near = replace(spring, parameters={'factor': 1.399})
@@ -126,9 +131,9 @@ def test_sizes_of_long_waves_are_fitted_where_nothing_explains_most(monkeypatch,
     ended = Tried(spring, 1.0, {}, SimpleNamespace(place=leveled(2e3)))
     for name in ('is_local', 'is_closed', 'is_hiding'):
         monkeypatch.setattr(from_afar, name, lambda *_: False)
-    from_afar.tried_from_afar(Held(None), afar, leveled(2e3), [], [ended], [], 1)
+    from_afar.tried_from_afar(Held(None), afar, leveled(2e3), known, [ended], [], 1)
     # where a fit ended already another would end too
-    assert begun == ([far] if riddle else [])
+    assert begun == ([far] if fits else [])
 
 
 @pytest.mark.parametrize(('left', 'is_sought'), [(400.0, False), (600.0, True)])
