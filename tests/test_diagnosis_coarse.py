@@ -103,7 +103,9 @@ def test_the_size_that_leaves_least_is_begun_with_and_has_its_own_tolerances_tur
     assert start.parameters['factor'] == pytest.approx(0.75 * 0.98)  # a tolerance of 2 %
 
 
-def test_only_two_sizes_of_a_cause_are_tuned_and_none_that_does_not_run(searched):
+def test_only_two_sizes_of_a_cause_are_tuned_and_none_that_does_not_run(searched, monkeypatch):
+    monkeypatch.setattr(coarse, 'MOST_TUNED', 5)
+
     def screen(cause, size):
         if cause == 'landing_length' and size < 0.0:
             return inf
@@ -157,7 +159,6 @@ def test_a_preload_far_too_low_is_found_where_the_chain_swings_among_the_waves(
     monkeypatch, tmp_path
 ):
     monkeypatch.setenv(ANOTHER, str(LONGER / 'sheet.json'))
-    monkeypatch.setattr(coarse, 'MOST_TUNED', 3)  # time
     case = Case(0.25, 1, 0.0, 3000.0)
     hidden = Effect('tensioner_preload', {}, {'factor': 0.8})
     # of set 251153, in which it was not named before
