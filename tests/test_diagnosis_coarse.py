@@ -18,7 +18,6 @@ from escalator_twin.diagnosis.coarse import coarse_starts, sizes_of
 from escalator_twin.diagnosis.context import beside
 from escalator_twin.diagnosis.floor_file import own_floor
 from escalator_twin.diagnosis.preparation import prepare_tolerances
-from escalator_twin.diagnosis.proposals import Proposal
 from escalator_twin.errors import ExperimentError
 from escalator_twin.machine import load_machine
 
@@ -48,32 +47,26 @@ def searched(monkeypatch):
     """Return a search over long waves in which what a size leaves is given; and what it tuned."""
     tuned = []
 
-    def search(screen, after, without, turned=None, known=(), nothing=1e4):
-        def screened(one):
-            return nothing if one is None else screen(one.cause, *one.parameters.values())
+    def search(screen, after, without, turned=None, nothing=1e4):
+        def left(one, of_none, of_size):
+            return of_none if one is None else of_size(one.cause, *one.parameters.values())
 
-        def one_of(effects):
-            return effects[-1] if len(effects) > len(known) else None
-
-        def at(effects):
-            one = one_of(effects)
+        def at(one):
             tuned.append(one)
-            left = without if one is None else after(one.cause, *one.parameters.values())
-            return left, turned or {}
+            return left(one, without, after), turned or {}
 
-        monkeypatch.setattr(coarse, 'of_machine_among', list)
-        monkeypatch.setattr(coarse, '_screened', lambda _a, _k, effects: screened(one_of(effects)))
-        monkeypatch.setattr(coarse, '_tuned', lambda _a, _k, effects: at(effects))
+        monkeypatch.setattr(coarse, '_screened', lambda _, one: left(one, nothing, screen))
+        monkeypatch.setattr(coarse, '_tuned', lambda _, one: at(one))
         afar = SimpleNamespace(place=place_with(*TOLERANCES))
         with ThreadPoolExecutor(1) as pool:
-            return coarse_starts(afar, known, pool), [t for t in tuned if t is not None]
+            return coarse_starts(afar, pool), [t for t in tuned if t is not None]
 
     return search
 
 
 def test_sizes_lie_either_way_within_the_laws_and_but_of_slow_tolerances(monkeypatch):
     monkeypatch.setattr(coarse, 'SHARES', (-100.0, *coarse.SHARES, 100.0))
-    found = sizes_of(place_with(*TOLERANCES), ())
+    found = sizes_of(place_with(*TOLERANCES))
     assert {one.cause for one in found} == {
         'tensioner_stiffness', 'tensioner_preload', 'rolling_resistance', 'landing_length'
     }  # fmt: skip
@@ -86,11 +79,8 @@ def test_sizes_lie_either_way_within_the_laws_and_but_of_slow_tolerances(monkeyp
     assert {one.nuisance for one in found} < set(TOLERANCES)
 
 
-def test_nothing_is_sought_that_is_known_or_has_no_tolerance_there():
-    known = [Proposal('tensioner_preload', {}, {'factor': 0.9}, 1.0)]
-    assert {one.cause for one in sizes_of(place_with(SPRING, PRELOAD), known)} == {
-        'tensioner_stiffness'
-    }
+def test_nothing_is_sought_that_has_no_tolerance_there():
+    assert {one.cause for one in sizes_of(place_with(SPRING))} == {'tensioner_stiffness'}
 
 
 def test_the_size_that_leaves_least_is_begun_with_and_has_its_own_tolerances_turn(searched):
@@ -143,14 +133,17 @@ def test_what_leaves_hardly_less_than_no_effect_is_not_fitted(searched, without,
 
 @pytest.mark.parametrize('dies', ['begun', 'tuned'])
 def test_a_machine_that_does_not_run_ends_no_diagnosis(monkeypatch, dies):
-    def die(*_):
+    def die(*_, **__):
         raise ExperimentError('a chain that is too short')
 
-    lean = SimpleNamespace(knobs=[], lean=lambda _: None)
-    place = SimpleNamespace(stage=lean, model=None)
-    monkeypatch.setattr(coarse, '_begun', die if dies == 'begun' else lambda *_: place)
+    stage = SimpleNamespace(knobs=[], lean=lambda _: None)
+    place = SimpleNamespace(stage=stage, model=None)
+    monkeypatch.setattr(coarse, 'beside', die if dies == 'begun' else lambda *_, **__: place)
     monkeypatch.setattr(coarse.Descent, 'descend', die)
-    assert coarse._tuned(SimpleNamespace(context=None), (), ()) == (inf, {})
+    afar = SimpleNamespace(context=None)
+    assert coarse._tuned(afar, None) == (inf, {})
+    if dies == 'begun':
+        assert coarse._screened(afar, None) == inf
 
 
 @pytest.mark.slow
@@ -169,7 +162,7 @@ def test_a_preload_far_too_low_is_found_where_the_chain_swings_among_the_waves(
     context = prepare_tolerances(recording, machine, own_floor(machine), jobs=2)
     afar = Afar(context, beside(context, steps=0), [])
     with ThreadPoolExecutor(2) as pool:
-        best, *_ = coarse_starts(afar, (), pool)
+        best, *_ = coarse_starts(afar, pool)
     assert best.cause == 'tensioner_preload'
     # the machine's own is drawn too, of 2 %
     assert best.parameters['factor'] == pytest.approx(0.8, abs=0.05)

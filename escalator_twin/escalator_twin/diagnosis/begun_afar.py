@@ -82,34 +82,37 @@ def at_edges(
         return refine(base.stage, base.model, base.fitted, edge, 0)
 
     found = [r for r in pool.map(run, edges) if r is not None]
-    places = [place, *(t.polished.place for t in tried if t.polished is not None)]
-    return fitted_afar(context, afar, place, [(known, one) for one in found], pool, jobs, places)
+    begun = [(known, one) for one in found]
+    return fitted_afar(context, afar, place, begun, pool, jobs, _ends(place, tried))
 
 
 def sized(
     context: Context,
     afar: Afar,
     place: Beside,
-    known: Sequence[Proposal],
     tried: Sequence[Tried],
     pool: ThreadPoolExecutor,
     jobs: int,
 ) -> list[Tried]:
     """Fit what the whole machine may have from sizes that leave least of the long waves, see `coarse`.
 
-    Where a fit has ended near such a size, nothing is gained by another.
+    That is beside nothing known. Where a fit has ended near such a size, nothing is gained by another.
     """
     base = afar.place
     done = [t.proposal for t in tried if t.polished is not None]
     starts = [
         one
-        for one in coarse_starts(afar, known, pool)
+        for one in coarse_starts(afar, pool)
         if not any(begin_alike(one, other) for other in done)
     ]
     run = pool.map(lambda one: refine(base.stage, base.model, base.fitted, one, 0), starts)
-    begun = [(known, one) for one in run if one is not None]
-    places = [place, *(t.polished.place for t in tried if t.polished is not None)]
-    return fitted_afar(context, afar, place, begun, pool, jobs, places)
+    begun: list[Begun] = [((), one) for one in run if one is not None]
+    return fitted_afar(context, afar, place, begun, pool, jobs, _ends(place, tried))
+
+
+def _ends(place: Beside, tried: Sequence[Tried]) -> list[Beside]:
+    """Return the machines that a fit is to come below: where the tolerances are, and where others ended."""
+    return [place, *(t.polished.place for t in tried if t.polished is not None)]
 
 
 def exchanged(

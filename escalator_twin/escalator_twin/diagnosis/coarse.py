@@ -15,13 +15,12 @@ from escalator_twin.causes.registry import KNOWN
 from escalator_twin.diagnosis.afar import Afar
 from escalator_twin.diagnosis.context import Beside, beside, quiet_chi2
 from escalator_twin.diagnosis.descent import Descent, SLOW
-from escalator_twin.diagnosis.fitting import of_machine_among
-from escalator_twin.diagnosis.free import freed
 from escalator_twin.diagnosis.polish import taken_over
 from escalator_twin.diagnosis.proposals import Proposal, same_place
-from escalator_twin.diagnosis.search_whole import LIKE_KNOBS
+from escalator_twin.diagnosis.search_whole import knob_place, LIKE_KNOBS
 from escalator_twin.diagnosis.verdict import neutral_of
 from escalator_twin.errors import EscalatorError
+from escalator_twin.machine import Deviation
 
 SCREEN_HZ = 4.0
 CUTS_HZ = (2.0, 4.0, 8.0)  # up to which the slow tolerances are tuned, one after another
@@ -41,14 +40,12 @@ PROMISING = 0.9
 Left = tuple[float, Proposal]  # chi squared of the long waves beside an effect
 
 
-def coarse_starts(afar: Afar, known: Sequence[Proposal], pool: Executor) -> list[Proposal]:
+def coarse_starts(afar: Afar, pool: Executor) -> list[Proposal]:
     """Return sizes that leave least of the long waves, one of a cause, the best first.
 
     Parameters
     ----------
     afar : Afar
-    known : sequence of Proposal
-        Effects that the machine has beside what is sought.
     pool : Executor
 
     Returns
@@ -56,22 +53,19 @@ def coarse_starts(afar: Afar, known: Sequence[Proposal], pool: Executor) -> list
     starts : list of Proposal
         Empty where none leaves much less than the machine without, tuned in the same way.
     """
-    machine = of_machine_among(known)
-    sizes = sizes_of(afar.place, known)
-    ways = [machine, *([*machine, one] for one in sizes)]
-    nothing, *screened = pool.map(lambda effects: _screened(afar, known, effects), ways)
+    sizes = sizes_of(afar.place)
+    nothing, *screened = pool.map(lambda one: _screened(afar, one), [None, *sizes])
     if min(screened, default=inf) >= SHOWS * nothing:
         return []
     left = [(level, one) for level, one in zip(screened, sizes, strict=True) if level < inf]
     starts = [one for _, one in _best_of_each(left, MOST_OF_ONE)[:MOST_TUNED]]
-    ways = [machine, *([*machine, one] for one in starts)]
-    without, *found = pool.map(lambda effects: _tuned(afar, known, effects), ways)
+    (without, _), *found = pool.map(lambda one: _tuned(afar, one), [None, *starts])
     tuned = [
         (level, taken_over(one, turned, afar.place.stage.tolerances))
         for one, (level, turned) in zip(starts, found, strict=True)
     ]
     least = min((level for level, _ in tuned), default=inf)
-    most = min(NEAR_BEST * least, PROMISING * without[0])
+    most = min(NEAR_BEST * least, PROMISING * without)
     near = [(level, one) for level, one in tuned if level < most]
     return [one for _, one in _best_of_each(near, 1)[:MOST_FITTED]]
 
@@ -85,59 +79,52 @@ def _best_of_each(found: Sequence[Left], most: int) -> list[Left]:
     return kept
 
 
-def sizes_of(place: Beside, known: Sequence[Proposal]) -> list[Proposal]:
-    """Return every cause that a slow tolerance may stand for at several sizes, but what is known."""
+def sizes_of(place: Beside) -> list[Proposal]:
+    """Return every cause that a slow tolerance may stand for at several sizes."""
     tolerances = {knob.name for knob in place.stage.knobs if knob.name.startswith(SLOW)}
     found = []
     for cause, (knob, key) in LIKE_KNOBS.items():
-        if knob not in tolerances or cause in {k.cause for k in known}:
+        if knob not in tolerances:
             continue
         law = next(p for p in KNOWN[cause].parameters if p.name == key)
         neutral = neutral_of(cause, key)
         away = max(abs(reference[key] - neutral) for reference in KNOWN[cause].references)
-        location: dict[str, object] = {'which': 'upper'} if cause == 'landing_length' else {}
         for share in SHARES:
             size = neutral + share * away
             if law.low <= size <= law.high:
-                sought = Proposal(cause, location, {key: size}, 0.0, {key: away})
+                sought = Proposal(cause, knob_place(cause), {key: size}, 0.0, {key: away})
                 found.append(replace(sought, fitted=(key,), nuisance=knob))
     return found
 
 
-def _begun(afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]) -> Beside:
-    """Run the machine as described with effects, the nuisance free that known ones of the measurement stand for."""
-    deviations = tuple(one.deviation for one in effects)
-    return freed(beside(afar.context, deviations, steps=0, turned={}), known)
-
-
-def _screened(afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]) -> float:
+def _screened(afar: Afar, one: Proposal | None) -> float:
     """Return what a machine leaves of the longest waves with no tolerance turned; infinity where it does not run."""
     try:
-        place = _begun(afar, known, effects)
+        place = beside(afar.context, _deviations(one), steps=0)
     except EscalatorError:
         return inf
     stage = place.stage.lean(place.model).up_to(SCREEN_HZ)
     return quiet_chi2(replace(place, stage=stage, fitted=stage.fit(place.model)))
 
 
-def _tuned(
-    afar: Afar, known: Sequence[Proposal], effects: Sequence[Proposal]
-) -> tuple[float, Mapping[str, float]]:
+def _tuned(afar: Afar, one: Proposal | None) -> tuple[float, Mapping[str, float]]:
     """Tune a machine's slow tolerances; return what is left of the long waves, and their turns.
 
     Infinity where it does not run with a turn that slopes lead to.
     """
     level, turned = inf, dict[str, float]()
     try:
-        place = _begun(afar, known, effects)
+        place = beside(afar.context, _deviations(one), steps=0)
         fast = tuple(k.name for k in place.stage.knobs if not k.name.startswith(SLOW))
-        search = Descent(
-            afar.context, place, place.stage.lean(place.model), tuple(e.deviation for e in effects),
-            1, fast, lambda p: freed(p, known),
-        )  # fmt: skip
+        lean = place.stage.lean(place.model)
+        search = Descent(afar.context, place, lean, _deviations(one), 1, fast, None)
         for cut in CUTS_HZ:
             found, level, _ = search.descend(turned, cut, STEPS)
             turned = dict(found)
     except EscalatorError:
         return inf, {}
     return level, turned
+
+
+def _deviations(one: Proposal | None) -> tuple[Deviation, ...]:
+    return () if one is None else (one.deviation,)

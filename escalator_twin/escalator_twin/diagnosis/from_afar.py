@@ -83,7 +83,7 @@ def tried_from_afar(
         if known or is_riddle(place, tried, floor) or is_hiding(place, tried, floor):
             found += at_edges(context, afar, place, known, tried, pool, jobs)
         if not known and is_riddle(place, [*fitted, *found], floor):
-            found += sized(context, afar, place, known, [*fitted, *found], pool, jobs)
+            found += sized(context, afar, place, [*fitted, *found], pool, jobs)
         if is_riddle(place, [*fitted, *found], floor):
             found += exchanged(context, afar, place, known, pool, jobs, places)
     if all(t.gain <= 0.0 for t in [*fitted, *found] if t.polished is not None):

@@ -25,6 +25,11 @@ LIKE_KNOBS: dict[str, tuple[str, str]] = {
 }
 
 
+def knob_place(cause: str) -> dict[str, object]:
+    """Return where a cause sits whose response is that of a tolerance."""
+    return {'which': 'upper'} if cause == 'landing_length' else {}
+
+
 def whole(search: Search) -> Iterator[Proposal]:
     """Propose causes without an index: carriage friction, load offset, chain elongation."""
     found = search.view.responses.whole
@@ -72,9 +77,8 @@ def tolerances(search: Search) -> Iterator[Proposal]:
             value = from_softening(-size)
         if parameter == 'factor':
             value = max(value, 0.1)
-        location: dict[str, object] = {'which': 'upper'} if cause == 'landing_length' else {}
         yield Proposal(
-            cause, location, {parameter: value}, beyond(score), {parameter: sd},
+            cause, knob_place(cause), {parameter: value}, beyond(score), {parameter: sd},
             fitted=(parameter,), nuisance=knob,
         )  # fmt: skip
 
@@ -92,9 +96,8 @@ def far(search: Search) -> Iterator[Proposal]:
         gain = (2.0 * score.size[0] * part - part**2) / score.sd[0] ** 2
         start = max(part, FAR_START)
         value = float(reference**start) if parameter == 'factor' else reference * start
-        location: dict[str, object] = {'which': 'upper'} if cause == 'landing_length' else {}
         yield Proposal(
-            cause, location, {parameter: value}, gain,
+            cause, knob_place(cause), {parameter: value}, gain,
             {parameter: abs(value) * float(score.sd[0])},
             fitted=(parameter,), nuisance=knob,
         )  # fmt: skip
