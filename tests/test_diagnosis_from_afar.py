@@ -104,22 +104,27 @@ def test_effects_of_one_force_are_begun_together_where_nothing_explains_most(mon
 
 
 @pytest.mark.parametrize(
-    ('riddle', 'known', 'fits'),
-    [(True, [], True), (False, [], False), (True, [FRICTION], False)],
+    ('riddle', 'known', 'size', 'fits'),
+    [
+        (True, [], 0.7, True),
+        (True, [], 1.399, False),  # where a fit ended already another would end too
+        (True, [], None, False),
+        (False, [], 0.7, False),
+        (True, [FRICTION], 0.7, False),
+    ],
 )
-def test_sizes_of_long_waves_are_fitted_where_nothing_is_known_and_nothing_explains_most(
-    monkeypatch, riddle, known, fits
+def test_a_size_of_long_waves_is_fitted_where_nothing_is_known_and_nothing_explains_most(
+    monkeypatch, riddle, known, size, fits
 ):
     spring = replace(ROLLING, cause='tensioner_stiffness', parameters={'factor': 1.4})
     spring = replace(spring, fitted=('factor',))
-    near = replace(spring, parameters={'factor': 1.399})
-    far = replace(spring, parameters={'factor': 0.7})
+    start = None if size is None else replace(spring, parameters={'factor': size})
     monkeypatch.setattr(from_afar, 'sized', begun_afar.sized)
     monkeypatch.setattr(from_afar, '_tried_afar', lambda *_: [])
     monkeypatch.setattr(from_afar, 'at_edges', lambda *_: [])
     monkeypatch.setattr(from_afar, 'is_riddle', lambda *_: riddle)
     monkeypatch.setattr(from_afar, '_from_here', lambda *_: [])
-    monkeypatch.setattr(begun_afar, 'coarse_starts', lambda *_: [near, far])
+    monkeypatch.setattr(begun_afar, 'coarse_start', lambda *_: start)
     monkeypatch.setattr(begun_afar, 'refine', lambda *given: SimpleNamespace(proposal=given[3]))
     begun = []
     monkeypatch.setattr(
@@ -132,8 +137,7 @@ def test_sizes_of_long_waves_are_fitted_where_nothing_is_known_and_nothing_expla
     for name in ('is_local', 'is_closed', 'is_hiding'):
         monkeypatch.setattr(from_afar, name, lambda *_: False)
     from_afar.tried_from_afar(Held(None), afar, leveled(2e3), known, [ended], [], 1)
-    # where a fit ended already another would end too
-    assert begun == ([far] if fits else [])
+    assert begun == ([start] if fits else [])
 
 
 @pytest.mark.parametrize(('left', 'is_sought'), [(400.0, False), (600.0, True)])

@@ -8,7 +8,7 @@ import numpy as np
 
 from escalator_twin.causes.application import apply
 from escalator_twin.diagnosis.afar import Afar
-from escalator_twin.diagnosis.coarse import coarse_starts
+from escalator_twin.diagnosis.coarse import coarse_start
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.exchanges import exchanges, Start
 from escalator_twin.diagnosis.fitting import fitted_beside, of_machine_among
@@ -94,19 +94,16 @@ def sized(
     pool: ThreadPoolExecutor,
     jobs: int,
 ) -> list[Tried]:
-    """Fit what the whole machine may have from sizes that leave least of the long waves, see `coarse`.
+    """Fit what leaves least of the long waves, beside nothing known, see `coarse`.
 
-    That is beside nothing known. Where a fit has ended near such a size, nothing is gained by another.
+    Where a fit has ended near that size, nothing is gained by another.
     """
-    base = afar.place
-    done = [t.proposal for t in tried if t.polished is not None]
-    starts = [
-        one
-        for one in coarse_starts(afar, pool)
-        if not any(begin_alike(one, other) for other in done)
-    ]
-    run = pool.map(lambda one: refine(base.stage, base.model, base.fitted, one, 0), starts)
-    begun: list[Begun] = [((), one) for one in run if one is not None]
+    base, start = afar.place, coarse_start(afar, pool)
+    ended = [t.proposal for t in tried if t.polished is not None]
+    if start is None or any(begin_alike(start, other) for other in ended):
+        return []
+    one = refine(base.stage, base.model, base.fitted, start, 0)
+    begun: list[Begun] = [] if one is None else [((), one)]
     return fitted_afar(context, afar, place, begun, pool, jobs, _ends(place, tried))
 
 

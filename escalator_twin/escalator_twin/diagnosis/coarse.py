@@ -2,8 +2,8 @@
 
 A preload a fifth too low is ten of its tolerances. Beside tolerances that are not known yet, and where the chain
 swings among the waves that are compared, slopes of all waves lead from none of it into a hollow on the way. Waves
-longer than half a metre have few hollows: several sizes are begun with, the slow tolerances are tuned beside each
-up to these, and what is left says which sizes are worth a fit.
+of a few hertz have fewer hollows: several sizes are begun with, the slow tolerances are tuned beside the best of them
+up to these waves, and the one that leaves least is worth a fit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,8 +31,6 @@ SHARES = (-1.0, -0.5, 0.5, 1.0)  # of the largest reference
 SHOWS = 0.9
 MOST_OF_ONE = 2  # sizes of a cause, those that leave least in the screen
 MOST_TUNED = 3  # of all these: in three recordings the cause that was hidden led the screen and what was tuned
-MOST_FITTED = 1
-NEAR_BEST = 1.15  # times the least that is left: what is not fitted
 # Times what the machine without leaves, tuned in the same way: what leaves more is not fitted. In three recordings
 # of set 251153 what was hidden left 0.55, 0.74 and 0.83 of it, another cause 0.60 to 1.15 (development).
 PROMISING = 0.9
@@ -40,8 +38,8 @@ PROMISING = 0.9
 Left = tuple[float, Proposal]  # chi squared of the long waves beside an effect
 
 
-def coarse_starts(afar: Afar, pool: Executor) -> list[Proposal]:
-    """Return sizes that leave least of the long waves, one of a cause, the best first.
+def coarse_start(afar: Afar, pool: Executor) -> Proposal | None:
+    """Return the size that leaves least of the long waves, beside nothing known.
 
     Parameters
     ----------
@@ -50,24 +48,23 @@ def coarse_starts(afar: Afar, pool: Executor) -> list[Proposal]:
 
     Returns
     -------
-    starts : list of Proposal
-        Empty where none leaves much less than the machine without, tuned in the same way.
+    start : Proposal or None
+        None where it leaves hardly less than the machine without, tuned in the same way.
     """
     sizes = sizes_of(afar.place)
     nothing, *screened = pool.map(lambda one: _screened(afar, one), [None, *sizes])
     if min(screened, default=inf) >= SHOWS * nothing:
-        return []
+        return None
     left = [(level, one) for level, one in zip(screened, sizes, strict=True) if level < inf]
     starts = [one for _, one in _best_of_each(left, MOST_OF_ONE)[:MOST_TUNED]]
-    (without, _), *found = pool.map(lambda one: _tuned(afar, one), [None, *starts])
-    tuned = [
-        (level, taken_over(one, turned, afar.place.stage.tolerances))
-        for one, (level, turned) in zip(starts, found, strict=True)
-    ]
-    least = min((level for level, _ in tuned), default=inf)
-    most = min(NEAR_BEST * least, PROMISING * without)
-    near = [(level, one) for level, one in tuned if level < most]
-    return [one for _, one in _best_of_each(near, 1)[:MOST_FITTED]]
+    (without, _), *tuned = pool.map(lambda one: _tuned(afar, one), [None, *starts])
+    level, turned, best = min(
+        ((level, turned, one) for one, (level, turned) in zip(starts, tuned, strict=True)),
+        key=lambda found: found[0],
+    )
+    if level >= PROMISING * without:
+        return None
+    return taken_over(best, turned, afar.place.stage.tolerances)
 
 
 def _best_of_each(found: Sequence[Left], most: int) -> list[Left]:
