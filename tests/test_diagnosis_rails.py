@@ -111,3 +111,22 @@ def test_a_rail_is_left_out_of_no_steady_machine():
     forces = slice(0, 4)
     apart = 10.0 * tenth[:, forces] - changes[0][:, forces]
     assert np.std(apart) < 0.1 * np.std(changes[0][:, forces])
+
+
+def test_a_rail_does_no_sum_of_what_its_parts_do():
+    """No column that was taken over one rail is exact beside another."""
+    machine, experiment = alike(trials.prototype(), trials.case())
+    frame = Frame.of(machine, experiment.set_speed_m_s)
+    seen = sensor_probes(machine.instruments.sensors, frame.n_links)
+    rails = [share * rail for rail in draw_rails(machine, 3) for share in (1.0, 0.5, -1.0)]
+    found = np.stack(simulate_rails(machine, experiment, frame, seen, rails, 2))
+    whole, half, turned = (found[k::3] for k in range(3))
+
+    def off(change, share, channel):
+        return np.std((change - share * whole)[..., channel], 1) / np.std(whole[..., channel], 1)
+
+    forces, x = 0, 5
+    assert np.all((off(half, 0.5, forces) > 0.01) & (off(half, 0.5, forces) < 0.04))
+    assert np.all((off(half, 0.5, x) > 0.02) & (off(half, 0.5, x) < 0.06))
+    assert np.all((off(turned, -1.0, forces) > 0.04) & (off(turned, -1.0, forces) < 0.08))
+    assert np.all((off(turned, -1.0, x) > 0.07) & (off(turned, -1.0, x) < 0.16))
