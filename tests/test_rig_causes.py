@@ -208,6 +208,27 @@ EXPECTED = [
     ('unlisted_damped_links', {}, {'factor': 2.5}, 'force_left_a', 0.5),
     ('unlisted_lower_landing', {}, {'delta_m': 6e-3}, 'force_left_a', 2.0),
     ('unlisted_short_dogs', {}, {'short_m': 0.08}, 'u', 1e-5),
+    (
+        'unlisted_seizing_roller',
+        {'axle': 0, 'side': 'left'},
+        {'rate_N_s': 40.0},
+        'force_left_a',
+        5.0,
+    ),
+    ('unlisted_warming_chain', {}, {'rate_1_s': 1e-4}, 'u', 1e-4),
+    ('unlisted_graded_chain', {}, {'length_m': 2e-4}, 'u', 1e-5),
+    ('unlisted_soft_tyres', {}, {'factor': 0.4}, 'az', 0.005),
+    ('unlisted_soft_flanks', {}, {'factor': 0.4}, 'ay', 0.002),
+    (
+        'unlisted_rail_joints',
+        {'s_m': 9.8, 'side': 'both'},
+        {'height_m': 4e-4, 'spacing_m': 1.5},
+        'force_left_a',
+        2.0,
+    ),
+    ('unlisted_speed_jump', {}, {'relative': 0.02, 'at_share': 0.4}, 'rack', 5e-3),
+    ('unlisted_boarding', {}, {'share': 0.4, 'at_s': 0.5}, 'force_left_a', 10.0),
+    ('unlisted_shaken_carriage', {}, {'force_N': 200.0, 'frequency_hz': 7.0}, 'u', 1e-5),
 ]
 
 

@@ -7,6 +7,7 @@ from rig.places import (
     ANY_SIDE,
     at_axis,
     at_link,
+    at_roller,
     between,
     either,
     factor,
@@ -45,6 +46,11 @@ def poor_batch(rng: Random, share: float) -> tuple[dict, dict]:
         'force_N': share * 60.0,
         'one_of': pick(rng, (4, 5, 6)),
     }
+
+
+def rail_joints(rng: Random, share: float) -> tuple[dict, dict]:
+    place = {'s_m': any_s(rng), 'side': 'both'}
+    return place, {'height_m': share * 4e-4, 'spacing_m': rng.uniform(1.2, 2.5)}
 
 
 NOT_LISTED: dict[str, Kind] = {
@@ -120,4 +126,37 @@ NOT_LISTED: dict[str, Kind] = {
     'unlisted_humming_accelerometer': Kind(
         at_axis(amplitude_m_s2=times(0.05), frequency_hz=between(5.0, 12.0))
     ),
+    'unlisted_seizing_roller': Kind(at_roller('rate_N_s', 2.0)),
+    'unlisted_warming_chain': Kind(of_machine(rate_1_s=times(4e-6))),
+    'unlisted_graded_chain': Kind(of_machine(length_m=times(2e-4))),
+    'unlisted_soft_tyres': Kind(of_machine(factor=lambda _rng, share: softer(0.4, share))),
+    'unlisted_soft_flanks': Kind(of_machine(factor=lambda _rng, share: softer(0.4, share))),
+    'unlisted_rail_joints': Kind(rail_joints),
+    'unlisted_speed_jump': Kind(of_machine(relative=times(0.02), at_share=between(0.3, 0.7))),
+    'unlisted_boarding': Kind(
+        of_machine(share=times(0.4), at_s=between(15.0, 35.0)), needs_load=True
+    ),
+    'unlisted_shaken_carriage': Kind(
+        of_machine(force_N=times(200.0), frequency_hz=between(5.0, 9.0))
+    ),
+    'unlisted_clipped_bridge': Kind(
+        at_link(share_of_range=lambda _rng, share: 1.0 - 0.15 * share)
+    ),
+    'unlisted_stepping_gain': Kind(at_link(factor=either(1.09, 0.91), at_share=between(0.3, 0.7))),
+    'unlisted_sticking_bridge': Kind(at_link(band_strain=times(1e-5))),
+    'unlisted_bent_bridge': Kind(at_link(share=times(0.04))),
+    'unlisted_bursts': Kind(
+        at_link(strain=times(1.5e-5), every_s=between(3.0, 8.0), frequency_hz=between(20.0, 40.0))
+    ),
+    'unlisted_late_accelerometer': Kind(of_machine(delay_s=times(0.04))),
+    'unlisted_ringing_accelerometer': Kind(
+        at_axis(
+            frequency_hz=lambda rng, share: rng.uniform(10.0, 16.0) / share,
+            damping_ratio=between(0.05, 0.05),
+        )
+    ),
+    'unlisted_clipped_accelerometer': Kind(
+        at_axis(share_of_range=lambda _rng, share: 1.0 - 0.4 * share)
+    ),
+    'unlisted_held_reflex': Kind(of_machine(hold_s=times(0.1))),
 }

@@ -181,7 +181,7 @@ def guide_forces(model, y, dy, marks, work, t):
         work[NORMAL, e] = normal
         pressing = abs(normal) if model.reading[3] > 0.5 else lower + upper
         dry = model.resistance[e] * warmth * pressing + model.extra_drag[e]
-        dry += model.stretch_drag[side, cell]
+        dry += model.stretch_drag[side, cell] + model.seizing[e] * max(t, 0.0)
         if rub > 0.0 and model.rub_from < work[S_DESIGN, e] < model.rub_to:
             dry += rub
         drag = dry * saturate(vt / model.roll_speed) + model.viscous * vt
@@ -203,10 +203,11 @@ def guide_forces(model, y, dy, marks, work, t):
 
 
 @kernel
-def link_forces(model, work):
+def link_forces(model, work, t):
     """Tension of every link and the racking between an axle's two ends."""
     ends = model.mass.size
     half = ends // 2
+    warmth = 1.0 + model.rest_rate * t
     for e in range(ends):
         f = e + 1
         if f == half:
@@ -218,7 +219,7 @@ def link_forces(model, work):
         dx /= length
         dz /= length
         rate = (work[VX, f] - work[VX, e]) * dx + (work[VZ, f] - work[VZ, e]) * dz
-        force = model.link_k[e] * (length - model.rest[e]) + model.link_c[e] * rate
+        force = model.link_k[e] * (length - model.rest[e] * warmth) + model.link_c[e] * rate
         work[TENSION, e] = force
         work[FX, e] += force * dx
         work[FZ, e] += force * dz
@@ -244,7 +245,7 @@ def rates(model, t, y, marks, slip, work, dy):
     tail = 5 * ends
     place(model, y, marks, work)
     pull_x, frame_pull = guide_forces(model, y, dy, marks, work, t)
-    link_forces(model, work)
+    link_forces(model, work, t)
     load_forces(model, work, t)
     speed = rack_speed(model, t, y[tail + RACK])
     frame_pull += drive_forces(model, y, marks, slip, work, speed)

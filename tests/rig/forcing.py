@@ -35,6 +35,8 @@ def load_forces(model, work, t):
     ends = model.mass.size
     half = ends // 2
     swing = 1.0 + model.swing * math.sin(2.0 * math.pi * model.swing_hz * t)
+    if t > model.boarding_s:
+        swing += model.boarding
     for e in range(ends):
         if model.load[e] == 0.0:
             continue
@@ -124,5 +126,7 @@ def carriage_rates(model, t, y, dy, pull_x):
         since = t % model.blow_period
         if since < model.blow_width:
             force += model.blow_force * math.sin(math.pi * since / model.blow_width)
+    if model.shake_force != 0.0:
+        force += model.shake_force * math.sin(2.0 * math.pi * model.shake_hz * t)
     dy[tail + U] = w
     dy[tail + U_RATE] = (force - pull_x) / model.carriage_mass

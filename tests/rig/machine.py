@@ -1,6 +1,7 @@
 """One machine: the data sheet with its draws, and the record that the kernels read."""
 
 from dataclasses import dataclass
+import math
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,7 @@ def nominal(
         link_k=np.full(ends, sheet.link_stiffness_n_m),
         link_c=np.full(ends, sheet.link_damping_ns_m),
         rest=np.full(ends, sheet.pitch_m),
+        rest_rate=0.0,
         rack_k=sheet.racking_stiffness_n_m,
         rack_c=sheet.racking_damping_ns_m,
         bend=np.zeros(n),
@@ -81,6 +83,7 @@ def nominal(
         roll_speed=sheet.rolling_speed_m_s,
         viscous=sheet.viscous_drag_ns_m,
         extra_drag=np.zeros(ends),
+        seizing=np.zeros(ends),
         radius=0.5 * sheet.roller_diameter_m,
         ecc=np.zeros(ends),
         ecc_phase=np.zeros(ends),
@@ -123,6 +126,8 @@ def nominal(
         load_ramp=sheet.load_ramp_m,
         swing=0.0,
         swing_hz=1.0,
+        boarding_s=math.inf,
+        boarding=0.0,
         lat_k=sheet.lateral_stiffness_n_m,
         lat_c=sheet.lateral_damping_ns_m,
         lat_mass=np.full(n, sheet.axle_mass_kg),
@@ -137,6 +142,8 @@ def nominal(
         blow_force=0.0,
         blow_period=1.0,
         blow_width=0.0,
+        shake_force=0.0,
+        shake_hz=1.0,
         rub_force=0.0,
         rub_from=0.0,
         rub_to=0.0,

@@ -32,6 +32,7 @@ Model = namedtuple(
         'link_k',
         'link_c',
         'rest',
+        'rest_rate',  # 1/s, of every link's length as the chain warms
         'rack_k',
         'rack_c',
         'bend',
@@ -43,6 +44,7 @@ Model = namedtuple(
         'roll_speed',
         'viscous',
         'extra_drag',
+        'seizing',  # N/s, by which a roller's drag grows
         'radius',
         'ecc',
         'ecc_phase',
@@ -88,6 +90,8 @@ Model = namedtuple(
         'load_ramp',
         'swing',
         'swing_hz',
+        'boarding_s',
+        'boarding',  # -, of the load, from then on
         # lateral
         'lat_k',
         'lat_c',
@@ -106,6 +110,8 @@ Model = namedtuple(
         'blow_force',
         'blow_period',
         'blow_width',
+        'shake_force',
+        'shake_hz',
         'rub_force',
         'rub_from',
         'rub_to',

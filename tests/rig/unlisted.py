@@ -11,6 +11,7 @@ from rig.causes import (
     Alter,
     bump_at,
     changed,
+    ends_of,
     in_stretch,
     SIDE_INDEX,
     table_s,
@@ -225,6 +226,58 @@ def short_dogs(model, _place, size, _rng):
     )
 
 
+def seizing_roller(model, place, size, _rng):
+    """Let a roller drag more and more, by ``rate_N_s`` from the recording's begin."""
+    where = ends_of(model, place['axle'], place['side'])
+    return model._replace(seizing=changed(model.seizing, where, lambda v: v + size['rate_N_s']))
+
+
+def warming_chain(model, _place, size, _rng):
+    """Let every link grow at a relative rate of ``rate_1_s`` as the chain warms."""
+    return model._replace(rest_rate=float(size['rate_1_s']))
+
+
+def graded_chain(model, _place, size, _rng):
+    """Let the links' lengths vary by ``length_m`` in one wave round the chain, as two lots joined."""
+    half = model.mass.size // 2
+    wave = np.tile(np.sin(2.0 * np.pi * np.arange(half) / half), 2)
+    return model._replace(rest=model.rest + size['length_m'] * wave)
+
+
+def soft_tyres(model, _place, size, _rng):
+    """Let every roller's tyre be softer."""
+    return model._replace(contact_k=model.contact_k * size['factor'])
+
+
+def soft_flanks(model, _place, size, _rng):
+    """Let every axle be guided sideways less stiffly."""
+    return model._replace(lat_k=model.lat_k * size['factor'])
+
+
+def rail_joints(model, place, size, _rng):
+    """Let a rail's end stand out ``height_m`` at each of its joints, ``spacing_m`` apart."""
+    length = model.cell * model.lateral.size
+    joints = np.arange(place['s_m'] % size['spacing_m'], length - JOINT_M, size['spacing_m'])
+    bumps = sum(bump_at(model, s, JOINT_M) for s in joints)
+    return with_normal(model, place['side'], size['height_m'] * bumps)
+
+
+def speed_jump(model, _place, size, _rng):
+    """Let the drive run by ``relative`` slower from a share of the recording on."""
+    after = np.arange(model.wander.size) >= size['at_share'] * model.wander.size
+    return model._replace(wander=model.wander - size['relative'] * after)
+
+
+def boarding(model, _place, size, _rng):
+    """Let a share of the passengers get off everywhere at ``at_s``."""
+    return model._replace(boarding_s=float(size['at_s']), boarding=-float(size['share']))
+
+
+def shaken_carriage(model, _place, size, _rng):
+    """Let something out of balance shake the carriage at a fixed frequency."""
+    return model._replace(shake_force=float(size['force_N']), shake_hz=float(size['frequency_hz']))
+
+
 UNLISTED: dict[str, Alter] = {
     'unlisted_stiffening_spring': stiffening_spring,
     'unlisted_rubbing_brake': rubbing_brake,
@@ -255,4 +308,13 @@ UNLISTED: dict[str, Alter] = {
     'unlisted_damped_links': damped_links,
     'unlisted_lower_landing': lower_landing,
     'unlisted_short_dogs': short_dogs,
+    'unlisted_seizing_roller': seizing_roller,
+    'unlisted_warming_chain': warming_chain,
+    'unlisted_graded_chain': graded_chain,
+    'unlisted_soft_tyres': soft_tyres,
+    'unlisted_soft_flanks': soft_flanks,
+    'unlisted_rail_joints': rail_joints,
+    'unlisted_speed_jump': speed_jump,
+    'unlisted_boarding': boarding,
+    'unlisted_shaken_carriage': shaken_carriage,
 }
