@@ -11,7 +11,6 @@ from rig.causes import (
     Alter,
     bump_at,
     changed,
-    ends_of,
     in_stretch,
     SIDE_INDEX,
     table_s,
@@ -19,35 +18,15 @@ from rig.causes import (
     with_normal,
 )
 from rig.machine import slope
+from rig.unlisted_in_time import IN_TIME
 
 KINK_LENGTH_M = 0.6  # m, over which the lateral line leaves and returns
 JOINT_M = 0.06  # m, over which a rail's end rises to the next one's
-BLOW_WIDTH_S = 0.03  # s, of a half sine
 
 
 def stiffening_spring(model, _place, size, _rng):
     """Let the tensioner's spring stiffen: an extra force of ``cubic_n_m3`` times u cubed."""
     return model._replace(tens_k3=float(size['cubic_n_m3']))
-
-
-def rubbing_brake(model, place, size, _rng):
-    """Let a pad rub on the rollers of a stretch for ``on_s`` out of every ``period_s``."""
-    return model._replace(
-        rub_force=float(size['force_N']),
-        rub_from=place['s_from_m'],
-        rub_to=place['s_to_m'],
-        rub_period=float(size['period_s']),
-        rub_on=float(size['on_s']),
-    )
-
-
-def blows(model, _place, size, _rng):
-    """Let something strike the carriage at a fixed interval."""
-    return model._replace(
-        blow_force=float(size['force_N']),
-        blow_period=float(size['period_s']),
-        blow_width=BLOW_WIDTH_S,
-    )
 
 
 def soft_support(model, place, size, _rng):
@@ -77,13 +56,6 @@ def second_mode(model, _place, size, _rng):
     )
 
 
-def swinging_load(model, _place, size, _rng):
-    """Let the weight of every load swell and sink together."""
-    return model._replace(
-        swing=float(size['relative_amplitude']), swing_hz=float(size['frequency_hz'])
-    )
-
-
 def slipping_dog(model, _place, size, _rng):
     """Let a dog yield wherever it would pull an axle end harder than ``force_N``."""
     return model._replace(slip_force=float(size['force_N']))
@@ -94,11 +66,6 @@ def misplaced_dog(model, _place, size, _rng):
     return model._replace(
         rack_dogs=int(size['dogs']), bad_dog=0, bad_dog_m=float(size['offset_m'])
     )
-
-
-def leaking_preload(model, _place, size, _rng):
-    """Let the preload sink at a relative rate of ``rate_1_s``."""
-    return model._replace(preload_rate=-float(size['rate_1_s']))
 
 
 def lateral_kink(model, place, size, _rng):
@@ -181,11 +148,6 @@ def heavy_carriage(model, _place, size, _rng):
     return model._replace(carriage_mass=model.carriage_mass + size['mass_kg'])
 
 
-def warming_grease(model, _place, size, _rng):
-    """Let all rollers roll easier and easier at a relative rate of ``rate_1_s``."""
-    return model._replace(resistance_rate=-float(size['rate_1_s']))
-
-
 def uneven_loads(model, _place, size, rng):
     """Let every step's load be another one, by a share of ``sd`` about what it should be."""
     half = model.mass.size // 2
@@ -226,17 +188,6 @@ def short_dogs(model, _place, size, _rng):
     )
 
 
-def seizing_roller(model, place, size, _rng):
-    """Let a roller drag more and more, by ``rate_N_s`` from the recording's begin."""
-    where = ends_of(model, place['axle'], place['side'])
-    return model._replace(seizing=changed(model.seizing, where, lambda v: v + size['rate_N_s']))
-
-
-def warming_chain(model, _place, size, _rng):
-    """Let every link grow at a relative rate of ``rate_1_s`` as the chain warms."""
-    return model._replace(rest_rate=float(size['rate_1_s']))
-
-
 def graded_chain(model, _place, size, _rng):
     """Let the links' lengths vary by ``length_m`` in one wave round the chain, as two lots joined."""
     half = model.mass.size // 2
@@ -262,33 +213,14 @@ def rail_joints(model, place, size, _rng):
     return with_normal(model, place['side'], size['height_m'] * bumps)
 
 
-def speed_jump(model, _place, size, _rng):
-    """Let the drive run by ``relative`` slower from a share of the recording on."""
-    after = np.arange(model.wander.size) >= size['at_share'] * model.wander.size
-    return model._replace(wander=model.wander - size['relative'] * after)
-
-
-def boarding(model, _place, size, _rng):
-    """Let a share of the passengers get off everywhere at ``at_s``."""
-    return model._replace(boarding_s=float(size['at_s']), boarding=-float(size['share']))
-
-
-def shaken_carriage(model, _place, size, _rng):
-    """Let something out of balance shake the carriage at a fixed frequency."""
-    return model._replace(shake_force=float(size['force_N']), shake_hz=float(size['frequency_hz']))
-
-
 UNLISTED: dict[str, Alter] = {
+    **IN_TIME,
     'unlisted_stiffening_spring': stiffening_spring,
-    'unlisted_rubbing_brake': rubbing_brake,
-    'unlisted_blows': blows,
     'unlisted_soft_support': soft_support,
     'unlisted_bent_axle': bent_axle,
     'unlisted_second_mode': second_mode,
-    'unlisted_swinging_load': swinging_load,
     'unlisted_slipping_dog': slipping_dog,
     'unlisted_misplaced_dog': misplaced_dog,
-    'unlisted_leaking_preload': leaking_preload,
     'unlisted_lateral_kink': lateral_kink,
     'unlisted_worn_channel': worn_channel,
     'unlisted_settled_rail': settled_rail,
@@ -300,7 +232,6 @@ UNLISTED: dict[str, Alter] = {
     'unlisted_soft_side': soft_side,
     'unlisted_damped_tensioner': damped_tensioner,
     'unlisted_heavy_carriage': heavy_carriage,
-    'unlisted_warming_grease': warming_grease,
     'unlisted_uneven_loads': uneven_loads,
     'unlisted_heavy_side': heavy_side,
     'unlisted_half_loaded': half_loaded,
@@ -308,13 +239,8 @@ UNLISTED: dict[str, Alter] = {
     'unlisted_damped_links': damped_links,
     'unlisted_lower_landing': lower_landing,
     'unlisted_short_dogs': short_dogs,
-    'unlisted_seizing_roller': seizing_roller,
-    'unlisted_warming_chain': warming_chain,
     'unlisted_graded_chain': graded_chain,
     'unlisted_soft_tyres': soft_tyres,
     'unlisted_soft_flanks': soft_flanks,
     'unlisted_rail_joints': rail_joints,
-    'unlisted_speed_jump': speed_jump,
-    'unlisted_boarding': boarding,
-    'unlisted_shaken_carriage': shaken_carriage,
 }
