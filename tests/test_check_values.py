@@ -56,6 +56,27 @@ def test_a_channel_that_stands_still(recording):
     assert finding.from_s == pytest.approx(20.0, abs=0.05)
 
 
+def test_a_channel_that_stands_still_twice_has_two_gaps(recording):
+    def hold(parts):
+        parts[4000:4900] = parts[4000]
+        parts[8000:8900] = parts[8000]
+
+    held = with_parts(recording, LEFT_A, hold)
+    assert [f.kind for f in quality(held, MACHINE) if f.channel == LEFT_A] == ['data_gap'] * 2
+
+
+def test_a_channel_that_sticks_misses_nothing(recording):
+    """Within its dead band it stands still, and goes on from there."""
+
+    def stick(parts):
+        half = 0.45 * np.ptp(parts, axis=0)
+        for i in range(1, len(parts)):
+            parts[i] = np.clip(parts[i - 1], parts[i] - half, parts[i] + half)
+
+    stuck = with_parts(recording, LEFT_A, stick)
+    assert not [f for f in quality(stuck, MACHINE) if f.kind == 'data_gap']
+
+
 @pytest.mark.parametrize('edge', [1999, 2400])
 def test_a_part_that_read_the_held_value_beside_the_standstill_is_not_dead(recording, edge):
     def hold(parts):

@@ -16,6 +16,10 @@ TWIN_SLOPE = (0.5, 2.0)
 # A gauge that moves by less than this many times its noise where its twin moves is dead.
 DEAD_NOISE = 3.0
 HELD_S = 2.0  # a value that stands longer says nothing of how a live channel repeats
+# That end with a step as small as live samples have: by chance one of twenty (a link's noise is a twentieth of what it
+# moves by), two one of some hundreds.
+LEAST_HELD = 2
+USUAL_STEP = 0.95  # quantile of live samples' steps
 MIN_LIVE = 1000  # samples of two gauges side by side that a judgement needs
 
 
@@ -25,7 +29,8 @@ def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
     is_still = _still_parts(parts, sensor)
     all_still: NDArray[np.bool_] = np.asarray(is_still.all(axis=0))
     findings = []
-    for begin, end in _spans(all_still):
+    spans = _spans(all_still)
+    for begin, end in [] if _sticks(parts, all_still, spans) else spans:
         text = f'{STILL} for {time_s[end] - time_s[begin]:.2f} s'
         findings.append(finding_of('data_gap', signal, time_s, begin, end, text))
     if len(parts) > 1:
@@ -40,6 +45,28 @@ def stillness(signal: Signal, sensor: Sensor, time_s: Floats) -> list[Finding]:
                 findings.append(finding_of('gauge_dead', signal, time_s, begin, end, text))
         findings += _twins(signal, sensor, time_s, is_still)
     return findings
+
+
+def _sticks(
+    parts: Sequence[Part], is_still: NDArray[np.bool_], spans: Sequence[tuple[int, int]]
+) -> bool:
+    """Tell whether a channel goes on from where it stood, again and again: it sticks, and nothing is missing.
+
+    A machine moves on while samples are missing: what comes after them is elsewhere, by more than one sample is from
+    the next.
+    """
+    ended = [end for _, end in spans if end + 1 < len(is_still)]
+    live = ~(is_still[1:] | is_still[:-1])
+    if len(ended) < LEAST_HELD or live.sum() < MIN_LIVE:
+        return False
+    return all(_goes_on(part.values, ended, live) for part in parts)
+
+
+def _goes_on(values: Floats, ended: Sequence[int], live: NDArray[np.bool_]) -> bool:
+    steps = np.abs(np.diff(values))
+    moving = steps[live & (steps > 0.0)]
+    usual = np.quantile(moving, USUAL_STEP) if len(moving) else 0.0
+    return bool((steps[list(ended)] <= usual).all())
 
 
 def stands_still(signal: Signal, sensor: Sensor) -> NDArray[np.bool_]:
