@@ -82,36 +82,3 @@ def test_what_is_beyond_its_tolerance_is_told(name, size, is_stretched, is_used_
         assert unexplained.is_stretched(held) is is_stretched
         assert unexplained.is_used_up(held) is is_used_up
         assert not unexplained.is_used_up(held, {name})  # an accepted effect stands for it
-
-
-@pytest.mark.parametrize(
-    ('above', 'is_open', 'alone'),
-    [
-        ([9.5, 0.1, 0.2, 0.0, 0.2], True, True),
-        ([9.5, 0.1, 0.2, 0.0, 0.2], False, False),
-        ([8.5, 0.5, 0.5, 0.5, 0.0], True, False),
-        ([0.1, 0.1, 0.1, 0.0, 9.7], True, False),  # of the carriage, which is one
-    ],
-)
-def test_what_one_gauge_alone_shows_is_no_part_of_the_machine(monkeypatch, above, is_open, alone):
-    channels = ('a', 'b', 'c', 'd', 'carriage')
-    sensors = [
-        SimpleNamespace(channel=c, quantity='displacement' if c == 'carriage' else 'link_force')
-        for c in channels
-    ]
-    machine = SimpleNamespace(instruments=SimpleNamespace(sensors=sensors))
-    stage = SimpleNamespace(machine=machine, observation=SimpleNamespace(channels=channels))
-    monkeypatch.setattr(unexplained, 'by_channel', lambda _: 1.0 + np.array(above))
-    monkeypatch.setattr(unexplained, 'levels_of', lambda *_: np.ones(5))
-    monkeypatch.setattr(unexplained, 'is_open', lambda *_: is_open)
-    assert unexplained.is_in_one_gauge(SimpleNamespace(stage=stage), None) is alone
-
-
-def test_of_two_gauges_none_is_told_from_the_other(monkeypatch):
-    sensors = [SimpleNamespace(channel=c, quantity='link_force') for c in 'ab']
-    machine = SimpleNamespace(instruments=SimpleNamespace(sensors=sensors))
-    stage = SimpleNamespace(machine=machine, observation=SimpleNamespace(channels=tuple('ab')))
-    monkeypatch.setattr(unexplained, 'by_channel', lambda _: np.array([9.0, 1.0]))
-    monkeypatch.setattr(unexplained, 'levels_of', lambda *_: np.ones(2))
-    monkeypatch.setattr(unexplained, 'is_open', lambda *_: True)
-    assert not unexplained.is_in_one_gauge(SimpleNamespace(stage=stage), None)

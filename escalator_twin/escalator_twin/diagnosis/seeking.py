@@ -9,8 +9,8 @@ from escalator_twin.diagnosis.contenders import choose, is_hopeless, is_known_fa
 from escalator_twin.diagnosis.context import Beside, Context
 from escalator_twin.diagnosis.fitting import MOVES_RESONANCE
 from escalator_twin.diagnosis.free import of_machine
+from escalator_twin.diagnosis.lone import is_in_one_gauge
 from escalator_twin.diagnosis.proposals import Proposal
-from escalator_twin.diagnosis.unexplained import is_in_one_gauge
 from escalator_twin.diagnosis.walked import Bench
 
 

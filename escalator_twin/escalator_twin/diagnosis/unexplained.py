@@ -24,8 +24,6 @@ LEAST_EXPLAINED = 0.4
 # Of the same: beside effects that account for less than the first a name has no belief left, and from the second on it is
 # told as it is. A sure name is one no more where 35 % is open: a bent axle, on no list, seems a soft link that leaves 37 %.
 NO_BELIEF, FULL_BELIEF = 0.5, 0.8
-IN_ONE = 0.9  # of the excess, from which it is taken to be in one gauge alone
-LEAST_GAUGES = 3  # recorded, from which one that differs from all others says so
 LEAST_SHARE = 0.05  # of the excess, from which a channel is told
 STAND_FOR = frozenset(knob for knob, _ in LIKE_KNOBS.values())
 SAME_LOOP = 0.3  # correlation of two passages from which a residual is locked to the loop
@@ -74,11 +72,11 @@ def belief_beside(explained: float) -> float:
     return min(max((explained - NO_BELIEF) / (FULL_BELIEF - NO_BELIEF), 0.0), 1.0)
 
 
-def by_channel(place: Beside) -> Floats:
-    """Return chi squared per coefficient of every channel, nuisance taken out, (c,)."""
-    c = len(place.stage.observation.channels)
-    left = place.fitted.left().astype(np.float64).reshape(-1, c)
-    return np.asarray(place.stage.whiten.temperature * np.mean(left**2, axis=0))
+def by_channel(place: Beside, left: np.ndarray | None = None) -> Floats:
+    """Return chi squared per coefficient of every channel, nuisance taken out, (c,); of another residual where given."""
+    left = place.fitted.left() if left is None else left
+    rows = left.astype(np.float64).reshape(-1, len(place.stage.observation.channels))
+    return np.asarray(place.stage.whiten.temperature * np.mean(rows**2, axis=0))
 
 
 def levels_of(place: Beside, floor: Floor) -> Floats:
@@ -190,20 +188,6 @@ def look(context: Context, before: Beside, after: Beside) -> Unexplained:
         excess_of(after, context.floor),
         excess_of(after, context.floor, shaken=True),
     )
-
-
-def is_in_one_gauge(place: Beside, floor: Floor) -> bool:
-    """Tell whether what is above a good machine's is in one of several gauges alone.
-
-    No part of the machine pulls at one link and at no other: it is the gauge's own, of whatever form.
-    """
-    sensors = place.stage.machine.instruments.sensors
-    gauges = {s.channel for s in sensors if s.quantity == 'link_force'}
-    own = [channel in gauges for channel in place.stage.observation.channels]
-    above = np.maximum(by_channel(place) - levels_of(place, floor), 0.0)
-    if sum(own) < LEAST_GAUGES or not is_open(place, floor):
-        return False
-    return bool((above[own] >= IN_ONE * above.sum()).any())
 
 
 def fell_by(before: Beside, after: Beside) -> float:

@@ -25,6 +25,7 @@ from escalator_twin.diagnosis.context import Beside, beside, Context
 from escalator_twin.diagnosis.found import Found, is_in_vain
 from escalator_twin.diagnosis.free import freed, of_machine
 from escalator_twin.diagnosis.linked import LINKED
+from escalator_twin.diagnosis.lone import is_in_one_gauge
 from escalator_twin.diagnosis.once import told_once
 from escalator_twin.diagnosis.polish import Polished
 from escalator_twin.diagnosis.proposals import Proposal
@@ -34,7 +35,6 @@ from escalator_twin.diagnosis.suggested import begun, NOTHING, Suggested
 from escalator_twin.diagnosis.tried import Tried
 from escalator_twin.diagnosis.unexplained import (
     explained_by,
-    is_in_one_gauge,
     is_open,
     LEAST_EXPLAINED,
 )
