@@ -15,7 +15,9 @@ from escalator_twin.comparison.document import recording_document
 from escalator_twin.errors import EscalatorError, RecordingError, SynchronisationError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.path import build_path
+from escalator_twin.signals import Experiment, Recording
 from escalator_twin.sync.place import GAIN
+from escalator_twin.sync.timeline import Timed
 
 pytestmark = pytest.mark.issue(5)
 
@@ -296,3 +298,23 @@ def test_no_reference_effect_makes_a_channel_of_odd_size(sample, machine):
             gain = np.polyfit(base.values[:n, k], loop.values[:n, k], 1)[0]
             if not channel.endswith('/y'):  # rattling alone
                 assert 1.0 / GAIN < gain < GAIN, (effect.cause, channel)
+
+
+def test_without_a_carriage_what_stands_beside_the_chain_tells_the_speed(root):
+    """A gauge that rides on the chain leaves half a cycle of the pitch open, a torque at the gear nothing."""
+    machine = load_machine(root / 'config' / 'machines' / 'kwon.yaml')
+    speed, pitch = 0.4926, machine.chain.pitch_m
+    time = np.arange(0.0, 25.0, 0.01)
+    sensors = {s.quantity: s.channel for s in machine.instruments.sensors}
+    travel = speed * time
+    # its phase turns as it passes from one place of the loop to the next
+    riding = np.sin(2.0 * np.pi * travel / pitch + 3.0 * np.sin(travel / 4.0))
+    standing = np.sin(2.0 * np.pi * travel / pitch)
+    tracks = {
+        c: Timed(c, time, v, np.ones(len(time), bool), 100.0)
+        for c, v in ((sensors['link_force'], riding), (sensors['gear_torque'], standing))
+    }
+    recording = Recording('', {}, Experiment(0.5, 1, (0.0,), 3000.0))
+    found = locate._speed(tracks, machine, recording)
+    assert found.value == pytest.approx(speed, rel=3e-4)
+    assert found.high - found.low < 2e-3

@@ -33,7 +33,8 @@ MARGIN_M = 0.2  # simulated beyond one loop, so that its end can be interpolated
 LEAD_S = 1.0  # simulated before and after the recording, for filters and fit
 EDGE_S = 1.0  # of the recording left out in the search, for the low-pass
 WANDER = 0.002  # of the speed where the machine's description gives none
-QUANTITIES = ('carriage_displacement', 'link_force', 'step_acceleration')  # best for speed first
+# Best for speed first: what stands still beside the chain repeats with every pitch, what rides on it with every loop.
+QUANTITIES = ('carriage_displacement', 'gear_torque', 'link_force', 'step_acceleration')
 UNKNOWN_SD_S = 2.0  # of the shift between two loggers' clocks that no bag time ties together
 FREE = Ground(shift_sd_s=0.05, rate_sd=1e-3)  # once the scan has found the nearest pitch period
 
