@@ -16,7 +16,7 @@ from escalator_twin import bagfile
 from escalator_twin.causes.application import apply
 from escalator_twin.cli.main import main
 from escalator_twin.diagnosis.bodies import stage as bodies_stage
-from escalator_twin.diagnosis.bodies.attempt import lines_of
+from escalator_twin.diagnosis.bodies.attempt import lines_of, without
 from escalator_twin.diagnosis.bodies.context import lean_spreads, mean_spread
 from escalator_twin.diagnosis.bodies.everywhere import at_index, run_everywhere
 from escalator_twin.diagnosis.bodies.gears import MARGIN_M, on_gear
@@ -32,7 +32,7 @@ from escalator_twin.diagnosis.proposals import false_fall, Proposal
 from escalator_twin.diagnosis.regression import fit
 from escalator_twin.diagnosis.stage import LARGEST
 from escalator_twin.diagnosis.tried import Tried
-from escalator_twin.errors import NotYetError
+from escalator_twin.errors import NotYetError, RecordingError
 from escalator_twin.machine import Deviation, load_machine
 from escalator_twin.physics.course import course_of
 from escalator_twin.physics.multibody.guide import chain_track
@@ -310,3 +310,10 @@ def test_several_recordings_of_one_machine_are_each_searched(small, tmp_path):
     assert effect['cause'] == 'gear_eccentricity'
     assert effect['parameters']['amplitude_m']['value'] == pytest.approx(1e-3, rel=0.25)
     assert all(one['searched'] for one in found['by_recording'])
+
+
+def test_a_channel_is_left_out_and_one_that_is_not_there_refused():
+    recording = Recording('bag', {'gear/torque': None, 'step/acceleration/z': None}, None)
+    assert set(without(recording, ['step/acceleration/z']).signals) == {'gear/torque'}
+    with pytest.raises(RecordingError, match=r'bag: --without gear/speed: expected one of gear/t'):
+        without(recording, ['gear/speed'])

@@ -16,10 +16,10 @@ TWIN_SLOPE = (0.5, 2.0)
 # A gauge that moves by less than this many times its noise where its twin moves is dead.
 DEAD_NOISE = 3.0
 HELD_S = 2.0  # a value that stands longer says nothing of how a live channel repeats
-# That end with a step as small as live samples have: by chance one of twenty (a link's noise is a twentieth of what it
-# moves by), two one of some hundreds.
+# A channel sticks where so many stands all end with a step as small as this quantile of live samples' steps: by chance
+# one in twenty ends so (a link's noise is a twentieth of what it moves by), two in some hundreds.
 LEAST_HELD = 2
-USUAL_STEP = 0.95  # quantile of live samples' steps
+USUAL_STEP = 0.95
 MIN_LIVE = 1000  # samples of two gauges side by side that a judgement needs
 
 

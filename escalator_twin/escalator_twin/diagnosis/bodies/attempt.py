@@ -1,16 +1,19 @@
 """Diagnose recordings of a machine of free bodies and tell what was weighed on the way.
 
-    python -m escalator_twin.diagnosis.bodies.attempt BAG... --machine M
+    python -m escalator_twin.diagnosis.bodies.attempt BAG... --machine M [--without CHANNEL...]
 
 For measuring how far the method is; the verdict itself is that of the verb `diagnose`.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from escalator_twin import bagfile
 from escalator_twin.diagnosis.diagnose import diagnose_recording, Diagnosis
+from escalator_twin.errors import RecordingError
 from escalator_twin.machine import load_machine
+from escalator_twin.signals import Recording
 
 MOST = 5  # candidates told
 
@@ -40,6 +43,22 @@ def lines_of(diagnosis: Diagnosis) -> Iterator[str]:
         yield f'chi squared over the floor: {channel} {row["chi2"]:.2f}, in the end {after:.2f}'
 
 
+def without(recording: Recording, channels: Sequence[str]) -> Recording:
+    """Return a recording as if some channels had not been recorded.
+
+    Raises
+    ------
+    RecordingError
+        Where one of them was not.
+    """
+    for channel in channels:
+        if channel not in recording.signals:
+            found = ', '.join(recording.signals)
+            raise RecordingError(f'{recording.path}: --without {channel}: expected one of {found}')
+    left = {c: s for c, s in recording.signals.items() if c not in channels}
+    return replace(recording, signals=left)
+
+
 def main() -> None:
     """Attempt one recording after the other."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -47,10 +66,17 @@ def main() -> None:
     parser.add_argument('--machine', default='config/machines/kwon.yaml')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--jobs', type=int, default=1)
+    parser.add_argument(
+        '--without',
+        nargs='*',
+        default=[],
+        metavar='CHANNEL',
+        help='as if it had not been recorded',
+    )
     given = parser.parse_args()
     machine = load_machine(given.machine)
     for bag in given.bags:
-        recording = bagfile.read(bag, machine)
+        recording = without(bagfile.read(bag, machine), given.without)
         found = diagnose_recording(recording, machine, given.seed, given.jobs)
         print(bag)
         for line in lines_of(found):
