@@ -99,7 +99,8 @@ kwon-floor: setup
 	    --designed "$${designed[@]}" --machine config/machines/kwon.yaml --jobs $(JOBS)
 
 # Hidden causes against the verdicts of `diagnose`; hours at N=5, which is what issue 6 asks for.
-# make bench-diagnosis SEED=9001 [N=5] [OUT=DIR] [JOBS=1] [DIAGNOSIS_ARGS='--causes roller_drag']
+# make bench-diagnosis SEED=9001 [N=5] [OUT=DIR] [JOBS=1] [DIAGNOSIS_ARGS='--causes roller_drag']; one that was
+# interrupted goes on with DIAGNOSIS_ARGS=--keep
 bench-diagnosis: N = 5
 bench-diagnosis: OUT = out/diagnosis
 DIAGNOSIS_ARGS ?=

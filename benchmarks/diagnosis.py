@@ -190,10 +190,9 @@ def main() -> int:
     out: Path = given.out
     if given.sheet is not None:
         os.environ[ANOTHER] = str(given.sheet)
-    if not (given.keep and (out / 'manifest.json').exists()):
-        plans = draw_set(given.seed, given.n, clean, unlisted, given.causes, given.sizes)
-        with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON
-            write_hidden(plans[: given.most], given.seed, out, given.jobs)
+    plans = draw_set(given.seed, given.n, clean, unlisted, given.causes, given.sizes)
+    with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON
+        write_hidden(plans[: given.most], given.seed, out, given.jobs, given.keep)
     bags = recordings(out)[: given.most]
     spent = []
     for row in diagnose_all(

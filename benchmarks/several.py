@@ -98,13 +98,12 @@ def main() -> int:
     """Make, diagnose, score; one JSON line for each machine and each bar."""
     given = parser().parse_args()
     out: Path = given.out
-    if not (given.keep and (out / 'manifest.json').exists()):
-        plans = [
-            plan(k, given.seed, given.recordings, given.causes, tuple(given.sizes), given.effects)
-            for k in range(given.n)
-        ]
-        with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON
-            write_hidden(plans, given.seed, out, given.cores)
+    plans = [
+        plan(k, given.seed, given.recordings, given.causes, tuple(given.sizes), given.effects)
+        for k in range(given.n)
+    ]
+    with redirect_stdout(sys.stderr):  # standard output is for the lines of JSON
+        write_hidden(plans, given.seed, out, given.cores, given.keep)
     manifest = json.loads((out / 'manifest.json').read_text(encoding='utf-8'))
     folder = out / 'verdicts'
     folder.mkdir(parents=True, exist_ok=True)

@@ -51,12 +51,14 @@ def confirmed(recorded):
     return confirm.confirm_recording(recorded, trials.prototype(), named)
 
 
+@pytest.mark.long
 def test_a_treads_size_is_the_others(confirmed):
     own = confirmed.effects[2].parameters['amplitude_m']
     print(confirmed.effects, confirmed.sd)
     assert own == pytest.approx(ECCENTRIC_M, rel=0.06)
 
 
+@pytest.mark.long
 def test_little_is_left_where_an_eccentric_roller_shows(confirmed):
     left = {name: row['chi2'] for name, row in confirmed.residual['after'].items()}
     print(left, confirmed.unexplained.significant, confirmed.unexplained.share)

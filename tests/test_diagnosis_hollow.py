@@ -14,7 +14,7 @@ from escalator_twin import bagfile
 from escalator_twin.diagnosis.confirm import confirm_recording
 from escalator_twin.diagnosis.proposals import Proposal
 
-pytestmark = [pytest.mark.issue(7), pytest.mark.slow]
+pytestmark = [pytest.mark.issue(7), pytest.mark.long]
 
 SEED = 251106000
 NAMED = (

@@ -96,7 +96,7 @@ def test_orders_of_a_spot_are_told_from_fewer_phases(sense):
     np.testing.assert_allclose(found, orders, atol=2e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_rails_step_is_found_where_rollers_rattle(tmp_path):
     # slow and empty: a bump a third as long does another thing, on the other side of the joint the opposite
     made = plan(13, 141101, 1, ['guide_step'], ('reference',))

@@ -52,7 +52,11 @@ def sigmas(truth, machine):
 # leaves, every other stiffness seemed worse.
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('seed', 'index', 'cause'), [(71001, 10, 'clean'), (131101, 20, 'mains_hum')]
+    ('seed', 'index', 'cause'),
+    [
+        pytest.param(71001, 10, 'clean', marks=pytest.mark.long),
+        (131101, 20, 'mains_hum'),
+    ],
 )
 def test_a_good_machine_is_tuned_as_near_as_its_own_tolerances(tmp_path, seed, index, cause):
     folder = tmp_path / 'made'

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 import numpy as np
 import pytest
 from rig.bagfile import DEFINITIONS
-from rig.hidden import plan, write_plan
+from rig.hidden import Plan, plan, write_hidden, write_plan
 from rig.instruments import ACCELERATION_STEP, LINKS, REFLEX_STEP, STRAIN_STEP
 from rig.machine import Case
 from rig.make import (
@@ -199,6 +199,36 @@ def test_a_machine_has_one_stop_in_all_its_recordings(tmp_path):
     stops = [truth['effects'][0]['parameters'] for truth in truths]
     assert stops[0] == stops[1]
     assert stops[0].keys() == {'displacement_m'}
+
+
+def short_machine(seed: int) -> Plan:
+    """Return a machine with two recordings of half a second."""
+    chosen = plan(0, seed, 2, ['roller_drag'])
+    return replace(chosen, orders=tuple(replace(order, duration_s=0.5) for order in chosen.orders))
+
+
+@pytest.mark.issue(6)
+def test_an_interrupted_set_goes_on(tmp_path):
+    write_hidden([short_machine(12)], 12, tmp_path / 'whole')
+    left = tmp_path / 'left'
+    write_hidden([short_machine(12)], 12, left)
+    finished = left / 'machine_000_0' / 'machine_000_0.mcap'
+    before = finished.stat().st_mtime_ns
+    # As a run leaves it that is stopped in the second recording.
+    (left / 'manifest.json').unlink()
+    (left / 'truth' / 'machine_000_1.json').unlink()
+    (left / 'machine_000_1' / 'metadata.yaml').unlink()
+    write_hidden([short_machine(12)], 12, left, keep=True)
+    assert finished.stat().st_mtime_ns == before
+    for name in ('manifest.json', 'truth/machine_000_1.json', 'machine_000_1/machine_000_1.mcap'):
+        assert (left / name).read_bytes() == (tmp_path / 'whole' / name).read_bytes()
+
+
+@pytest.mark.issue(6)
+def test_another_set_is_not_taken_over(tmp_path):
+    write_hidden([short_machine(12)], 12, tmp_path)
+    with pytest.raises(ValueError, match=r'machine_000_0: expected seed .* \(13000, .*12000'):
+        write_hidden([short_machine(13)], 13, tmp_path, keep=True)
 
 
 def test_several_causes_are_hidden_in_all_experiments_of_a_machine():

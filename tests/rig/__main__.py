@@ -96,6 +96,7 @@ def parser() -> argparse.ArgumentParser:
     )
     many.add_argument('--sizes', nargs='+', choices=list(SHARES), default=list(SHARES))
     many.add_argument('--jobs', type=int, default=1, help='recordings made at a time')
+    many.add_argument('--keep', action='store_true', help='take over what is made already')
     checked = verbs.add_parser('verify', help='show the rig beside the seeded recordings')
     checked.add_argument('--shared', type=Path, required=True)
     checked.add_argument('--tolerances', action='store_true', help='fit these too, slower')
@@ -141,7 +142,7 @@ def main() -> None:
             )
             for index in range(given.n)
         ]
-        write_hidden(plans, given.seed, given.out, given.jobs)
+        write_hidden(plans, given.seed, given.out, given.jobs, given.keep)
     elif given.verb == 'readings':
         seeded = given.shared / 'measured' / 'seeded'
         show_rails(seeded)

@@ -7,6 +7,7 @@ from functools import partial
 from itertools import product
 import json
 from pathlib import Path
+import shutil
 
 import numpy as np
 
@@ -97,26 +98,52 @@ def plan(
     return Plan(name, '+'.join(names) or None, '+'.join(drawn) or None, tuple(orders))
 
 
-def write_plan(chosen: Plan, out: Path) -> dict:
+def left_there(order: Order, bag: Path, truth_file: Path) -> tuple[Effect, ...] | None:
+    """Return what an earlier run hid in a recording that it finished; None where it made none.
+
+    Raises
+    ------
+    ValueError
+        The recording is another one: of another seed, or with something else in it.
+    """
+    if not truth_file.exists():  # it is written last
+        shutil.rmtree(bag, ignore_errors=True)
+        return None
+    truth = json.loads(truth_file.read_text())
+    effects = tuple(Effect(**effect) for effect in truth['effects'])
+    found = (truth['seed'], [effect.cause for effect in effects])
+    expected = (order.seed, [effect.cause for effect in order.effects])
+    if found != expected:
+        raise ValueError(f'{bag}: expected seed and causes {expected}, found {found}')
+    return effects
+
+
+def write_plan(chosen: Plan, out: Path, keep: bool = False) -> dict:
     """Make one machine's recordings; return its line of the manifest, which tells nothing.
 
     What only a run can tell, as where a stop is in the motion, the first one tells for all: it is one machine.
+    With ``keep``, recordings that an earlier run finished there are taken over.
     """
     paths: list[str] = []
     effects = chosen.orders[0].effects
     for k, order in enumerate(chosen.orders):
         name = f'{chosen.name}_{k}'
+        bag, truth_file = out / name, out / 'truth' / f'{name}.json'
+        paths.append(name)
+        known = left_there(order, bag, truth_file) if keep else None
+        if known is not None:
+            effects = known
+            continue
         made = make(replace(order, effects=effects))
         effects = tuple(Effect(**effect) for effect in made.truth['effects'])
         made.truth['size'] = chosen.size
-        write(made, out / name, out / 'truth' / f'{name}.json')
-        paths.append(name)
+        write(made, bag, truth_file)
     return {'name': chosen.name, 'recordings': paths}
 
 
-def in_turn(plans: list[Plan], out: Path, jobs: int) -> Iterator[dict]:
+def in_turn(plans: list[Plan], out: Path, jobs: int, keep: bool = False) -> Iterator[dict]:
     """Make the machines' recordings, ``jobs`` at a time; yield their lines in order."""
-    one: partial[dict] = partial(write_plan, out=out)
+    one: partial[dict] = partial(write_plan, out=out, keep=keep)
     if jobs == 1:
         yield from map(one, plans)
         return
@@ -124,10 +151,15 @@ def in_turn(plans: list[Plan], out: Path, jobs: int) -> Iterator[dict]:
         yield from pool.map(one, plans)
 
 
-def write_hidden(plans: Iterable[Plan], seed: int, out: Path, jobs: int = 1) -> None:
-    """Make the planned machines' recordings in ``out``, with a manifest and the truth apart."""
+def write_hidden(
+    plans: Iterable[Plan], seed: int, out: Path, jobs: int = 1, keep: bool = False
+) -> None:
+    """Make the planned machines' recordings in ``out``, with a manifest and the truth apart.
+
+    With ``keep``, a set that was interrupted goes on.
+    """
     chosen, machines = list(plans), []
-    for line in in_turn(chosen, out, jobs):
+    for line in in_turn(chosen, out, jobs, keep):
         machines.append(line)
         print(f'{len(machines)} of {len(chosen)}: {line["name"]}', flush=True)
     manifest = {'schema': 'rig/manifest/1', 'seed': seed, 'machines': machines}

@@ -15,7 +15,7 @@ from .test_replay import same
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.issue(8)]
 
 KWON = ROOT / 'config' / 'machines' / 'kwon.yaml'
-SECONDS = 14
+SECONDS = 8
 
 
 @pytest.fixture(scope='module')
