@@ -5,6 +5,7 @@ from dataclasses import astuple, replace
 import hashlib
 import json
 from pathlib import Path
+import shutil
 import sys
 
 from mcap.reader import make_reader
@@ -183,15 +184,20 @@ def test_a_hidden_set_keeps_its_truth_apart(tmp_path):
     assert b'roller_drag' not in (tmp_path / 'machine_000_0' / 'machine_000_0.mcap').read_bytes()
 
 
-@pytest.mark.issue(7)
-def test_a_machine_has_one_stop_in_all_its_recordings(tmp_path):
-    chosen = plan(0, 8, 2, ['tensioner_stop'])
+def short_machine(seed: int) -> Plan:
+    """Return a machine with a stop and two recordings of two seconds, at two preloads."""
+    chosen = plan(0, seed, 2, ['tensioner_stop'])
     cases = (Case(0.5, 1, 0.0, 3000.0), Case(0.5, 1, 0.0, 6000.0))
     orders = tuple(
         replace(order, case=case, duration_s=2.0)
         for order, case in zip(chosen.orders, cases, strict=True)
     )
-    line = write_plan(replace(chosen, orders=orders), tmp_path)
+    return replace(chosen, orders=orders)
+
+
+@pytest.mark.issue(7)
+def test_a_machine_has_one_stop_in_all_its_recordings(tmp_path):
+    line = write_plan(short_machine(8), tmp_path)
     truths = [
         json.loads((tmp_path / 'truth' / f'{name}.json').read_text())
         for name in line['recordings']
@@ -201,17 +207,11 @@ def test_a_machine_has_one_stop_in_all_its_recordings(tmp_path):
     assert stops[0].keys() == {'displacement_m'}
 
 
-def short_machine(seed: int) -> Plan:
-    """Return a machine with two recordings of half a second."""
-    chosen = plan(0, seed, 2, ['roller_drag'])
-    return replace(chosen, orders=tuple(replace(order, duration_s=0.5) for order in chosen.orders))
-
-
 @pytest.mark.issue(6)
 def test_an_interrupted_set_goes_on(tmp_path):
-    write_hidden([short_machine(12)], 12, tmp_path / 'whole')
-    left = tmp_path / 'left'
-    write_hidden([short_machine(12)], 12, left)
+    whole, left = tmp_path / 'whole', tmp_path / 'left'
+    write_hidden([short_machine(12)], 12, whole)
+    shutil.copytree(whole, left)
     finished = left / 'machine_000_0' / 'machine_000_0.mcap'
     before = finished.stat().st_mtime_ns
     # As a run leaves it that is stopped in the second recording.
@@ -221,14 +221,17 @@ def test_an_interrupted_set_goes_on(tmp_path):
     write_hidden([short_machine(12)], 12, left, keep=True)
     assert finished.stat().st_mtime_ns == before
     for name in ('manifest.json', 'truth/machine_000_1.json', 'machine_000_1/machine_000_1.mcap'):
-        assert (left / name).read_bytes() == (tmp_path / 'whole' / name).read_bytes()
+        assert (left / name).read_bytes() == (whole / name).read_bytes()
 
 
 @pytest.mark.issue(6)
 def test_another_set_is_not_taken_over(tmp_path):
-    write_hidden([short_machine(12)], 12, tmp_path)
+    one, other = (
+        replace(made, orders=made.orders[:1]) for made in (short_machine(12), short_machine(13))
+    )
+    write_hidden([one], 12, tmp_path)
     with pytest.raises(ValueError, match=r'machine_000_0: expected seed .* \(13000, .*12000'):
-        write_hidden([short_machine(13)], 13, tmp_path, keep=True)
+        write_hidden([other], 13, tmp_path, keep=True)
 
 
 def test_several_causes_are_hidden_in_all_experiments_of_a_machine():
