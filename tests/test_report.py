@@ -18,6 +18,7 @@ from report_samples import (
     recording,
 )
 
+from escalator_twin.cli.diagnose import show
 from escalator_twin.errors import EscalatorError
 from escalator_twin.report import build
 
@@ -150,6 +151,19 @@ def test_diagnosis_without_causes_or_second_look_says_so(tmp_path):
     _, page = make(tmp_path, told)
     assert 'No cause is named: the machine and its instruments are within tolerance' in page.text
     assert 'no gain on held-out data: one passage only' in page.text
+
+
+@pytest.mark.parametrize('is_named', [True, False])
+def test_a_gain_of_what_is_not_named_is_told_as_such(tmp_path, is_named):
+    told = diagnosis(recording() | {'place_is_certain': True})
+    told |= {} if is_named else {'effects': []}
+    _, page = make(tmp_path, told)
+    sentence = 'Nothing is named: the gain is that of what was found and is not believed.'
+    assert (sentence in page.text) is not is_named
+    line = 'gain held out: later passages'
+    assert (line in show(told)) is is_named
+    other = 'gain held out, of what was found and is not named: later passages'
+    assert (other in show(told)) is not is_named
 
 
 @pytest.mark.issue(7)

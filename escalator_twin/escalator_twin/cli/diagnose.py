@@ -72,7 +72,8 @@ def show(document: Document) -> str:
     if held is None:
         lines.append(f'gain held out: none, {document["gain"]["split"]}')
     else:
-        lines.append(f'gain held out: {held["split"]}')
+        of = '' if document['effects'] else ', of what was found and is not named'
+        lines.append(f'gain held out{of}: {held["split"]}')
         lines += [
             f'  {name:<24} nrmse {_change(row, "nrmse_band", 4)}, chi2 {_change(row, "chi2", 2)}'
             for name, row in held['channels'].items()

@@ -29,6 +29,7 @@ def _gain(entry: Entry) -> Context:
         'blocks': number(held_out.get('blocks')),
         'interval': _interval(held_out.get('gain_interval')),
         'is_significant': held_out.get('significant'),
+        'is_named': bool(entry.data.get('effects')),
         'worse': _names(held_out.get('worse')),
         'channels': channels,
         'chart': dumbbells(
