@@ -226,12 +226,15 @@ def test_an_interrupted_set_goes_on(tmp_path):
 
 @pytest.mark.issue(6)
 def test_another_set_is_not_taken_over(tmp_path):
-    one, other = (
-        replace(made, orders=made.orders[:1]) for made in (short_machine(12), short_machine(13))
-    )
-    write_hidden([one], 12, tmp_path)
-    with pytest.raises(ValueError, match=r'machine_000_0: expected seed .* \(13000, .*12000'):
-        write_hidden([other], 13, tmp_path, keep=True)
+    chosen = short_machine(12)
+    made = replace(chosen, orders=chosen.orders[:1])
+    write_hidden([made], 12, tmp_path)
+    seed = replace(made, orders=(replace(made.orders[0], seed=13000),))
+    with pytest.raises(ValueError, match=r'machine_000_0: expected seed.* \(13000, .*\(12000,'):
+        write_hidden([seed], 12, tmp_path, keep=True)
+    size = replace(made, size='third')
+    with pytest.raises(ValueError, match=r"'third'\), found .*'reference'\)"):
+        write_hidden([size], 12, tmp_path, keep=True)
 
 
 def test_several_causes_are_hidden_in_all_experiments_of_a_machine():

@@ -98,23 +98,25 @@ def plan(
     return Plan(name, '+'.join(names) or None, '+'.join(drawn) or None, tuple(orders))
 
 
-def left_there(order: Order, bag: Path, truth_file: Path) -> tuple[Effect, ...] | None:
+def left_there(
+    order: Order, size: str | None, bag: Path, truth_file: Path
+) -> tuple[Effect, ...] | None:
     """Return what an earlier run hid in a recording that it finished; None where it made none.
 
     Raises
     ------
     ValueError
-        The recording is another one: of another seed, or with something else in it.
+        The recording is another one: of another seed, or with something else in it, or of another size.
     """
     if not truth_file.exists():  # it is written last
         shutil.rmtree(bag, ignore_errors=True)
         return None
     truth = json.loads(truth_file.read_text())
     effects = tuple(Effect(**effect) for effect in truth['effects'])
-    found = (truth['seed'], [effect.cause for effect in effects])
-    expected = (order.seed, [effect.cause for effect in order.effects])
+    found = (truth['seed'], [effect.cause for effect in effects], truth['size'])
+    expected = (order.seed, [effect.cause for effect in order.effects], size)
     if found != expected:
-        raise ValueError(f'{bag}: expected seed and causes {expected}, found {found}')
+        raise ValueError(f'{bag}: expected seed, causes and size {expected}, found {found}')
     return effects
 
 
@@ -130,7 +132,7 @@ def write_plan(chosen: Plan, out: Path, keep: bool = False) -> dict:
         name = f'{chosen.name}_{k}'
         bag, truth_file = out / name, out / 'truth' / f'{name}.json'
         paths.append(name)
-        known = left_there(order, bag, truth_file) if keep else None
+        known = left_there(order, chosen.size, bag, truth_file) if keep else None
         if known is not None:
             effects = known
             continue
